@@ -10,16 +10,14 @@ from typing import Any
 
 import msgspec
 
-from hydro.core.audit.thrusters import audit
 from hydro.core.columns import MOTION
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 from hydro.core.guessing.aliases import guess
 from hydro.core.guessing.refining import refined
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured, named
-from hydro.core.preprocessing.late_velocities import on_time
-from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
 from hydro.io.clock_report import Clocks, clocks
@@ -174,7 +172,7 @@ def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
         yield "note: the thrusters are not audited: first correct the map as the warnings say"
         return
     try:
-        found = audit(vehicle, on_time(recording(vehicle, report.imported.frame)))
+        found = preprocess(vehicle, report.imported.frame).audit
     except DataError as error:
         yield f"note: the thrusters are not audited: {error}"
         return

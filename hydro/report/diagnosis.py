@@ -20,7 +20,7 @@ from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
 from hydro.report.following import Call
-from hydro.report.next_steps import ADD, COMPARE, CONTINUE, CORRECT, EXPLAIN, RUN, NextStep, next_steps
+from hydro.report.next_steps import ADD, COMPARE, CONTINUE, CORRECT, EXPLAIN, FIT, RUN, NextStep, next_steps
 from hydro.report.screen import EMPTY, MOST_LINES, Block, Following, Text, fitted, table
 
 TITLES = {
@@ -168,6 +168,8 @@ def _command(step: NextStep, about: Context, *, alone: bool) -> list[str] | None
         return call.again("explain", "-o", "study")
     if step.action == RUN:
         return call.designing() if about.open else None
+    if step.action == FIT:
+        return call.fitting(*step.effects)
     assert step.action == COMPARE
     return call.again("compare", without=DIAGNOSE_ONLY)
 

@@ -82,6 +82,21 @@ class Call:
         target = ["-o", next_file(self.vehicle)]
         return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]
 
+    def fitting(self, *effects: str) -> list[str] | None:
+        """Return the words of `hydro fit` on the recording before a change; None without one that is a file.
+
+        Args:
+            effects: Effects to fit.
+        """
+        before = self.options.get("--before")
+        earlier = [str(one) for one in (before if isinstance(before, list | tuple) else [before]) if one]
+        if not earlier or STREAM in earlier:
+            return None
+        reading = {name: self.options.get(name) for name in ("--map", "--msg")}
+        named = [word for effect in effects for word in ("--effect", effect)]
+        target = ["-o", next_file(self.vehicle, "fitted")]
+        return replace(self, measured=earlier, options=reading).command("fit", *named, *target)
+
     def designing(self) -> list[str] | None:
         """Return the words of `hydro diagnose --next-run`; None if the inputs cannot be read again."""
         kept = "diagnosis.parquet" if self.output == STREAM else self.output

@@ -12,6 +12,7 @@ import polars as pl
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Prediction
 
 ADD, EXPLAIN, CORRECT, RUN, COMPARE = "add", "explain", "correct_thrusters", "next_run", "compare"
+FIT = "fit"
 """Actions of next steps: functions of `hydro.api`, an option of `diagnose`, or the design of a next run."""
 CONTINUE = "continue with the thrusters as this log shows them"
 """Words for the correction of thrusters by a diagnosis that stopped at them."""
@@ -24,9 +25,9 @@ class NextStep:
     """Next step after a diagnosis.
 
     Attributes:
-        action: `add`, `explain`, `correct_thrusters`, `next_run` or `compare`.
+        action: `add`, `explain`, `correct_thrusters`, `next_run`, `compare` or `fit`.
         words: The step in words, without a capital letter and a full stop.
-        effects: Effects to add by name; empty if all confirmed findings are added, or none.
+        effects: Effects to add by name, empty if all confirmed findings are added, or none; or to fit.
     """
 
     action: str
@@ -69,12 +70,17 @@ def is_of_thrusters(row: Mapping[str, Any]) -> bool:
 
 
 def in_python(step: NextStep) -> str:
-    """Return a step as a Python expression of `vehicle`, `raw` and the diagnosis `found`; empty if none."""
+    """Return a step as a Python expression, empty without one.
+
+    Its names are `vehicle`, `raw`, the recording `before` a change, and the diagnosis `found`.
+    """
     if step.action == ADD:
         names = f", {list(step.effects)}" if step.effects else ""
         return f"hydro.add(vehicle, found{names})"
     if step.action == CORRECT:
         return "hydro.diagnose(vehicle, raw, correct_thrusters=True)" if step.words == CONTINUE else ""
+    if step.action == FIT:
+        return f"hydro.fit(vehicle, before, {list(step.effects)}).vehicle"
     return f"hydro.{step.action}(vehicle, raw)" if step.action != RUN else ""
 
 
@@ -89,7 +95,10 @@ def _of_finding(row: Mapping[str, Any], prediction: Prediction | None) -> Iterat
             yield NextStep(EXPLAIN, "try single steps, and keep those that lower the error")
     if row["verdict"] == "cannot_tell_apart":
         yield NextStep(RUN, "design a run that separates the effects that fit equally well")
-    if row["verdict"] in UNEXPLAINED:
+    if row["verdict"] in UNEXPLAINED and row["members"]:  # the earlier recording needs them as well
+        told = "fit the vehicle file to the earlier recording, then compare with the fitted file"
+        yield NextStep(FIT, told, tuple(row["members"]))
+    elif row["verdict"] in UNEXPLAINED:
         yield NextStep(COMPARE, "find the regimes of motion with the largest errors")
 
 

@@ -13,7 +13,7 @@ from hydro.core.errors import listed
 from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
 from hydro.report.change import of_change
-from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, MEND, RUN, next_steps
+from hydro.report.next_steps import ADD, COMPARE, CORRECT, EXPLAIN, FIT, MEND, RUN, next_steps
 from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
@@ -24,6 +24,7 @@ BY_COMMAND = {
     CORRECT: ", with `hydro diagnose --correct-thrusters`",
     RUN: ", with `hydro diagnose --next-run`",
     COMPARE: ", with `hydro compare`",
+    FIT: ", with `hydro fit`",
 }
 """Commands that take the actions of next steps."""
 
@@ -191,7 +192,7 @@ def next_step(sources: Sources) -> str:
     step = next_steps(last.frame, None if errors is None else Prediction(**errors))[0]
     if step.words == MEND:
         return f"Next: {step.words}."
-    named = f", with `hydro add --effect {step.effects[0]}`" if step.effects else ""
+    named = f", with `hydro add --effect {step.effects[0]}`" if step.effects and step.action == ADD else ""
     return f"Next: {step.words}{named or BY_COMMAND[step.action]}."
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -237,3 +238,27 @@ def test_a_diagnosis_that_continued_is_not_repeated():
     assert (first.words, in_python(first)) == (MEND, "")
     text = answer([fault, missing("payload")], call=replace(CALL, output="d.parquet"))
     assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
+
+
+def needed_before() -> Finding:
+    """An answer whose file is so far from the vehicle that the earlier recording needs the same effects."""
+    effects = ("quadratic_damping", "payload")
+    return Finding("none_of_the_known", members=effects, advice="fit them first")
+
+
+def test_a_refused_change_comes_with_the_fit_of_the_earlier_recording():
+    """The command has the user's own files, as a shell reads them."""
+    call = replace(CALL, options={"--before": Path("last year.parquet"), "--map": Path("map.toml")})
+    line, *_ = pasted_from(answer([needed_before()], call=call))
+    assert line == (
+        "hydro fit 'my vehicle.toml' 'last year.parquet' --map map.toml --effect quadratic_damping "
+        "--effect payload -o 'my vehicle-fitted.toml'"
+    )
+    parse(line)
+    whole = answer([needed_before()], call=call, whole=True)
+    assert not re.search(r"\b[A-Z]{4,}\b", whole), "a placeholder"
+
+
+def test_a_refused_change_without_files_comes_with_an_expression():
+    step = next_steps(Diagnosis((needed_before(),), damped(), (9.0, 5.0, 1.0)).frame())[0]
+    assert in_python(step) == "hydro.fit(vehicle, before, ['quadratic_damping', 'payload']).vehicle"

@@ -92,11 +92,6 @@ class Order:
         """Unnormalised log posterior of the order of columns, summed over signs and scales."""
         return float(_summed(self.evidence.ravel()))
 
-    def effectiveness(self) -> tuple[Array, Array]:
-        """Return the effectivenesses (n,) for unknown signs, and their covariance (n, n)."""
-        covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram)) / FREE**2), np.float64)
-        return covariance @ self.score, covariance
-
 
 @dataclass(frozen=True)
 class Posterior:
@@ -123,6 +118,17 @@ class Posterior:
                 found.append((Wiring(order.column, signs), float(chances[i])))
         return sorted(found, key=lambda each: -each[1])
 
+    def turned(self, column: tuple[int, ...]) -> Array:
+        """Return the probability that each thruster is reversed given an order of the columns, (n,).
+
+        It is 0 for an order that is far less likely than others.
+        """
+        for order in self.orders:
+            if order.column == column:
+                each = _summed(order.evidence)
+                return np.asarray(np.exp(each - _summed(each)) @ (order.signs < 0.0))
+        return np.zeros(len(column))
+
     def scales(self, wiring: Wiring) -> Array:
         """Return the probabilities of the M candidate common scales SCALES, given an assignment, (M,).
 
@@ -143,6 +149,18 @@ def _summed(logarithms: Array) -> Array:
     """Return log(sum(exp(x))) over the last axis of x."""
     most = logarithms.max(axis=-1, keepdims=True)
     return np.asarray(most[..., 0] + np.log(np.exp(logarithms - most).sum(axis=-1)))
+
+
+def effectiveness(found: Balance, column: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return effectivenesses (n,) in one order of the columns, of any sign, and their covariance (n, n).
+
+    Args:
+        found: Sufficient statistics of the regression.
+        column: Column of each thruster, (n,).
+    """
+    gram, score, _ = _Fit.of(found, column).summed()
+    covariance = np.asarray(np.linalg.inv(gram + np.eye(len(gram)) / FREE**2), np.float64)
+    return covariance @ score, covariance
 
 
 def posterior(found: Balance) -> Posterior:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 import polars as pl
 import polars.selectors as cs
 
-from hydro.core.audit.hypotheses import INERTIA, Posterior, posterior
+from hydro.core.audit.hypotheses import FACTORS, INERTIA, SPREAD, Posterior, effectiveness, posterior
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
@@ -33,7 +34,12 @@ It gives one false alarm in 370.
 TOGETHER = 0.5
 """Minimum absolute correlation of the effectivenesses of thrusters that form a group."""
 WEAK = 0.5
-"""Thrust, relative to the common scale, below which the whole interval of a weak thruster lies."""
+"""Upper limit of the whole interval of a weak thruster, relative to the common scale."""
+MOST = 0.5
+"""Maximum scatter of the effectivenesses with another order or other signs, relative to that with the file's:
+a swap or a reversed thruster that is there explains most of it.  In logs of four simulators of others it is
+0.1 to 0.25 for mistakes that are there, and 1 to 3 for those claimed because the file's drag or inertia is
+wrong."""
 MOST_ALTERNATIVES, LIKELY = 3, 0.05
 """Maximum number of listed alternatives, and their minimum probability."""
 
@@ -53,8 +59,9 @@ class ThrusterAudit:
         high: Upper end of the 95 % interval of the effectiveness, (n,).
         scale: Common scale of all thrusters, with the ends of its 95 % interval.
         seen: Thrusters whose individual effectiveness is determined, (n,).
-        clear: Thrusters in `seen` whose direction is certain, (n,); a thruster without thrust has none.
-        together: Groups of thrusters that the recording cannot separate, by index.
+        clear: Thrusters of these whose direction is certain, (n,); a dead thruster has none.
+        together: Groups of thrusters that the recording cannot separate.
+        weak: Thrusters of these that hardly push, (n,).
         idle: Thrusters that did not run, (n,).
         shown: Measured accelerations among u v w p q r, (6,).
         delay: Delay from command to motion [s].
@@ -71,6 +78,7 @@ class ThrusterAudit:
     seen: Mask
     clear: Mask
     together: tuple[tuple[int, ...], ...]
+    weak: Mask
     idle: Mask
     shown: Mask
     delay: float
@@ -198,14 +206,9 @@ class ThrusterAudit:
                 f"{_thrusters(group)} act alike in this recording and cannot be separated: "
                 "no result for single ones; run each of them alone"
             )
-        rest = tuple(i for i in _places(~self.clear) if i not in grouped and not self._weak(i))
+        rest = tuple(i for i in _places(~self.clear & ~self.weak) if i not in grouped)
         if rest:
             yield f"this recording does not show the direction of {_thrusters(rest, 'thruster')}"
-
-    def _weak(self, i: int) -> bool:
-        """Return whether the whole interval of thruster `i` is below WEAK in both directions."""
-        most = max(abs(self.low[i]), abs(self.high[i]))
-        return bool(self.seen[i] and most < WEAK * self.scale[0])
 
     def _sizes(self) -> Iterator[str]:
         """Yield sentences on a common scale far from 1, and on weak thrusters."""
@@ -213,12 +216,11 @@ class ThrusterAudit:
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
         if abs(np.log(scale)) > STATED / NORMAL_95 * np.log(high / scale):
             yield f"common factor: {words}; check supply voltage, thrust curve, command scale and inertia"
-        for i in _places(self.seen):
-            if self._weak(i):
-                yield (
-                    f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
-                    f"(95 % interval {self.low[i]:.2f} to {self.high[i]:.2f})"
-                )
+        for i in _places(self.weak):
+            yield (
+                f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
+                f"(95 % interval {self.low[i]:.2f} to {self.high[i]:.2f})"
+            )
 
 
 def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> ThrusterAudit | None:
@@ -237,17 +239,10 @@ def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> T
 
 
 def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
-    """Return the audit from the posterior probabilities of all assignments.
-
-    Args:
-        found: Sufficient statistics of the regression.
-        tried: Posterior over the assignments of the thrusters.
-        count: Number of actuators in the file, servos included.
-    """
-    ranked = tried.wirings()
+    """Derive the audit from the probabilities of all hypotheses."""
+    ranked = _explaining(found, tried)
     likeliest, driven = ranked[0][0], found.driven
-    order = next(order for order in tried.orders if order.column == likeliest.column)
-    strength, covariance = order.effectiveness()
+    strength, covariance = effectiveness(found, likeliest.column)
     signs = np.array(likeliest.sign, float)
     scale, scale_error = _scale(signs * strength, covariance)
     common = _common_error(found)
@@ -256,9 +251,11 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
     together = _groups(covariance, seen, found.idle, scale)
     plain = sum(chance for wiring, chance in ranked if wiring.is_plain)
     turned = _turned(ranked)
-    clear = seen & (np.abs(turned - 0.5) >= SURE - 0.5)
+    both = np.stack([turned, tried.turned(likeliest.column)])  # a dead thruster has no direction
+    clear = seen & (np.abs(both - 0.5) >= SURE - 0.5).all(axis=0)
     stated, probability, alternatives = _stated(ranked, turned, plain, seen)
     half = NORMAL_95 * np.hypot(errors, common * np.abs(strength))
+    weak = _weak(found, np.abs(strength) + half, seen, scale)
     return ThrusterAudit(
         wiring=_spread(stated, driven, count),
         probability=probability,
@@ -271,10 +268,78 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
         seen=_full(seen, driven, count, False),
         clear=_full(clear, driven, count, False),
         together=tuple(tuple(int(driven[i]) for i in group) for group in together),
+        weak=_full(weak, driven, count, False),
         idle=_full(found.idle, driven, count, False),
         shown=found.shown,
         delay=found.delay,
     )
+
+
+def _explaining(found: Balance, tried: Posterior) -> list[tuple[Wiring, float]]:
+    """Return hypotheses with their probabilities, of which each change explains most of what is wrong.
+
+    The probability of any other counts for a simpler one, at last for the file.  A wrong drag or inertia of
+    the file can make an exchange likelier than the file's order.  But then the thrusters differ from one
+    another no less than before: one error takes the place of another.
+    """
+
+    @cache
+    def scatter(wiring: Wiring) -> float:
+        strength, covariance = effectiveness(found, wiring.column)
+        return _scatter(np.array(wiring.sign, float) * strength, covariance)
+
+    @cache
+    def simplest(wiring: Wiring) -> Wiring:
+        if wiring.is_plain:
+            return wiring
+        simpler = min(wiring.simpler(), key=scatter)
+        return wiring if scatter(wiring) <= MOST * scatter(simpler) else simplest(simpler)
+
+    chances = dict[Wiring, float]()
+    for wiring, chance in tried.wirings():
+        stands = simplest(wiring)
+        chances[stands] = chances.get(stands, 0.0) + chance
+    return sorted(chances.items(), key=lambda each: -each[1])
+
+
+def _scatter(forward: Array, covariance: Array) -> float:
+    """Return the squared deviation of effectivenesses from their mean, in natural spreads and errors.
+
+    It is infinite for a mean below 0, where the thrusters push opposite to the hypothesis.
+
+    Args:
+        forward: Effectivenesses times the signs of a hypothesis, (n,).
+        covariance: Their covariance, (n, n).
+    """
+    identity, mean = np.eye(len(forward)), 0.0
+    for _ in range(2):  # the natural spread is relative to the mean
+        inverse = np.linalg.inv(covariance + (SPREAD * mean) ** 2 * identity)
+        mean = float((inverse @ forward).sum() / inverse.sum())
+    if mean <= 0.0:
+        return np.inf
+    away = forward - mean
+    return float(away @ np.linalg.solve(covariance + (SPREAD * mean) ** 2 * identity, away))
+
+
+def _weak(found: Balance, most: Array, seen: Mask, scale: float) -> Mask:
+    """Return which thrusters hardly push, (n,).
+
+    If all thrusters that push along one axis are alike, the axis may be heavier than in the file instead.  A
+    thruster is weak there only if no error of the inertia explains it.
+
+    Args:
+        found: Sufficient statistics of the regression.
+        most: Largest effectiveness of each thruster within its interval, in either direction, (n,).
+        seen: Thrusters whose effectiveness is determined, (n,).
+        scale: Common scale.
+    """
+    count = len(most)
+    own = found.kinds * count + np.arange(count)
+    told = found.gram[:, own, own] * found.arms**2
+    axis = told.argmax(axis=0)
+    low = seen & (most < WEAK * scale)
+    beside = np.array([(seen & ~low & (axis == axis[i])).any() for i in range(count)], bool)
+    return low & (beside | (most < FACTORS[0] * scale))
 
 
 def _turned(ranked: Sequence[tuple[Wiring, float]]) -> Array:

@@ -54,6 +54,17 @@ class Wiring:
             changed[i], changed[k] = changed[k], changed[i]
             yield tuple(changed)
 
+    def simpler(self) -> Iterator[Wiring]:
+        """Yield the assignments with one difference from the file less: a sign, or an exchange of columns."""
+        for i, sign in enumerate(self.sign):
+            if sign < 0:
+                yield Wiring(self.column, (*self.sign[:i], 1, *self.sign[i + 1 :]))
+        for i in self.moved:
+            k = self.column.index(i)  # thruster i gets its own column, and thruster k the one of i
+            changed = list(self.column)
+            changed[i], changed[k] = i, self.column[i]
+            yield Wiring(tuple(changed), self.sign)
+
     def apply(self, commands: Array) -> Array:
         """Return logged commands in the order and with the signs that the file expects.
 

@@ -252,9 +252,8 @@ def _needed_before(changes: Sequence[Change]) -> Finding:
     effects = tuple(change.best.effect for change in changes)
     words = (
         f"the earlier recording needs {listed([name.replace('_', ' ') for name in effects])} as well: the "
-        "vehicle file is too far from the vehicle for a comparison. Fit it to the earlier recording first: "
-        f"hydro fit VEHICLE BEFORE {' '.join(f'--effect {name}' for name in effects)} "
-        "-o fitted.toml, and compare with that file"
+        f"vehicle file is too far from the vehicle for a comparison. Fit {listed(effects)} to the earlier "
+        "recording first, and compare with the fitted file"
     )
     return Finding("none_of_the_known", members=effects, advice=words)
 
@@ -565,7 +564,7 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
-    problem = AskedAnew.of(compared.hull.law, Transitions.of(candidate(vehicle), shots))
+    problem = AskedAnew.of(compared.hull, Transitions.of(candidate(vehicle), shots))
     normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))

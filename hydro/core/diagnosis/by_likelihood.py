@@ -38,6 +38,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.search import Search, candidates
+from hydro.core.diagnosis.sensor_errors import sure_by_kinematics
 from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
@@ -240,8 +241,11 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
     if baseline.sea is None:
         named = discounted_by_largest(named, model.normal.chi2)
-    rest = max(sum(one.share for one in remaining), excess_share(baseline, model))
-    findings = [stated(discounted_by_unexplained(finding, rest)) for finding in named] + remaining
+    findings = [
+        sure_by_kinematics(one, baseline.sensors) or stated(discounted_by_unexplained(one, remaining))
+        for one in named
+    ]
+    findings += remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:
         findings.append(_nothing(baseline, outcome))

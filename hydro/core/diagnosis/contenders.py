@@ -165,18 +165,15 @@ class Compared:
         return bool(self.left_out(model.normal).sum() <= RIGHT * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
-        """Return the held-out cost of each of S shots by fits to all other folds, (S,).
-
-        It is infinite where a fit diverges.
-        """
-        shots, found = cast(OutputError, model.problem).shots, np.full(len(self.fold), np.inf)
+        """Return the held-out cost of each shot by fits to all other folds, (S,); infinite on divergence."""
+        problem, found = cast(OutputError, model.problem), np.full(len(self.fold), np.inf)
         for number in np.unique(self.fold):
             out = self.fold == number
             try:
                 there = continue_fit(model.over(~out), QUICK_STEPS).vehicle
             except Diverges:
                 continue
-            found[out] = unfitted(there, OutputError(shots.of(out))).costs
+            found[out] = unfitted(there, problem.over(out)).costs
         return np.asarray(self.weight * found)
 
     def floor(self, model: Model) -> float:
@@ -191,8 +188,7 @@ class Compared:
         """Return the shots corrected for the hull force, with a vehicle's response to that force."""
         shots = self.problem.shots
         transitions = Transitions.of(candidate(vehicle), shots)
-        wrench = self.hull.law.wrench(vehicle, shots)
-        return OutputError(transitions.corrected(wrench)).at_measured_states(vehicle)
+        return self.hull.acting(vehicle, transitions).at_measured_states(vehicle)
 
 
 def contend(
@@ -345,36 +341,35 @@ def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]
         0,
     )
     for suspect in tried:
-        every = list(range(at, at + len(suspect.steps)))
-        at += len(every)
-        in_file = is_curved(suspect.effect) and last.vehicle.effects(suspect.effect)
-        columns = _separable(compared, normal, every) if in_file else every
-        own = normal.of(columns)
+        columns = list(range(at, at + len(suspect.steps)))
+        at += len(columns)
+        in_part = is_curved(suspect.effect) and bool(last.vehicle.effects(suspect.effect))
+        kept = _needed(compared, normal, columns) if in_part else columns
+        own = normal.of(kept)
         left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - VISIBLE * len(columns)
+        score = 1.0 - float(left.sum()) / whole - VISIBLE * len(kept)
         if suspect.effect not in best or score > best[suspect.effect][0]:
-            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SUSPECT_SPREAD**-2
-            step = np.zeros(len(every))
-            step[np.searchsorted(every, columns)] = np.linalg.solve(known, own.score.sum(axis=0))
-            best[suspect.effect] = (score, suspect.begin(step))
+            known, step = own.matrix.sum(axis=0) + np.eye(len(kept)) * SUSPECT_SPREAD**-2, np.zeros(at)
+            step[kept] = np.linalg.solve(known, own.score.sum(axis=0))
+            best[suspect.effect] = (score, suspect.begin(step[columns]))
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
 
 
-def _separable(compared: Compared, normal: Normal, columns: list[int]) -> list[int]:
-    """Return the columns of an effect without those whose removal lowers the held-out cost.
+def _needed(compared: Compared, normal: Normal, columns: Sequence[int]) -> list[int]:
+    """Return the columns that lower the held-out cost by one step, added one by one, at least one of them.
 
-    A recording hardly separates some components, such as the deflection and the travel of a fin while its
-    command is constant.  Their linear step leads far from the file, although one of them would suffice.
+    Two components of a curved effect may act alike: a fin's area, its offset and its deflection at full
+    command all scale one force while the command is constant.  A step along all of them leads far away.
     """
-    left = float(compared.left_out(normal.of(columns)).sum())
-    while len(columns) > 1:
-        fewer = [[one for one in columns if one != out] for out in columns]
-        costs = [float(compared.left_out(normal.of(some)).sum()) for some in fewer]
+    kept: list[int] = []
+    least = whole = float(compared.left_out(normal.of([])).sum())
+    while rest := [one for one in columns if one not in kept]:
+        costs = [float(compared.left_out(normal.of(sorted([*kept, one]))).sum()) for one in rest]
         best = int(np.argmin(costs))
-        if costs[best] >= left:
+        if kept and costs[best] > least - VISIBLE * whole:
             break
-        columns, left = fewer[best], costs[best]
-    return columns
+        kept, least = sorted([*kept, rest[best]]), costs[best]
+    return kept
 
 
 def fitted(
@@ -485,6 +480,6 @@ def fitted_together(
         problem = compared.corrected(about) if about is not None else last.problem
         return fit_model(last.vehicle, tables, problem, reach, iterations)
     shots = compared.problem.shots
-    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(about or last.vehicle), shots))
+    anew = AskedAnew.of(compared.hull, Transitions.of(candidate(about or last.vehicle), shots))
     model = fit_model(last.vehicle, tables, anew, reach, iterations)
     return replace(model, problem=compared.corrected(model.vehicle))

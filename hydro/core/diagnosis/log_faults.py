@@ -16,7 +16,6 @@ from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.settings import COMPARED_SECONDS, MOST_SHOTS
 from hydro.core.errors import DataError
 from hydro.core.prediction.candidate import candidate
-from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.late_velocities import lateness, on_time
@@ -238,8 +237,7 @@ def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array:
     """Return the squared residual of each of S predictions with the hull-force model, (S,)."""
     shots = log.shots(COMPARED_SECONDS)
     transitions = Transitions.of(candidate(vehicle), shots)
-    problem = OutputError(transitions.corrected(hull.law.wrench(vehicle, shots)))
-    return np.asarray(problem.linearise(vehicle, [], []).gram[:, -1, -1])
+    return np.asarray(hull.acting(vehicle, transitions).linearise(vehicle, [], []).gram[:, -1, -1])
 
 
 def _misdirected(found: ThrusterAudit) -> Finding:

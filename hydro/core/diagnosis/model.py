@@ -76,9 +76,9 @@ class Model:
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
 
     def over(self, kept: NDArray[np.bool_]) -> Model:
-        """Return the model over those of its S shots that a mask (S,) keeps, without a new fit."""
-        shots = cast(OutputError, self.problem).shots
-        return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
+        """Return the model over those of its shots that a mask (S,) keeps."""
+        problem = cast(OutputError, self.problem).over(kept)
+        return replace(self, problem=problem, normal=self.normal.some(kept))
 
     def some(self, most: int) -> Model:
         """Return the model over at most `most` of its shots, evenly spread, without a new fit."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,25 @@ def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicl
         standard_errors=test.errors,
         advice=f"{advice.adding(test.effect, values, dt)}; kinematics alone shows it, whatever forces act",
         support=sure,
+    )
+
+
+def sure_by_kinematics(finding: Finding, tests: Mapping[str, KinematicTest]) -> Finding | None:
+    """Return a named sensor error with the confidence that kinematics alone gives; None if it shows none.
+
+    Error that no force explains does not lower this confidence, because no force can imitate the sensor
+    error.
+
+    Args:
+        finding: Finding by the dynamics.
+        tests: Kinematic tests of the recording, by effect.
+    """
+    test = tests.get(finding.effect)
+    if test is None or not shown(test) or finding.verdict not in ("missing", "retune"):
+        return None
+    sure = max(finding.confidence, 1.0 - test.p_value)
+    return replace(
+        finding, confidence=sure, advice=f"{finding.advice}; kinematics alone shows it, whatever forces act"
     )
 
 

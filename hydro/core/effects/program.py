@@ -107,6 +107,18 @@ def in_sea(program: Program, harmonics: Array) -> Program:
     return replace(program, flat=flat)
 
 
+def with_thrusters(program: Program, rows: Array) -> Program:
+    """Return the program of a vehicle in a calm sea with further thrusters, the last ones.
+
+    Args:
+        program: Program of the vehicle.
+        rows: Rows of the thruster table, (n, COLUMNS), as in `vehicle.thrusters`.
+    """
+    flat = np.concatenate([program.flat, rows.ravel()])
+    flat[THRUSTER_COUNT] += len(rows)
+    return replace(program, flat=flat, thrusters=program.thrusters + len(rows))
+
+
 def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Array]]:
     """Return the generators of the harmonics of a vehicle's waves (`core.effects.waves`)."""
     gravity = vehicle.environment.gravity

@@ -24,6 +24,7 @@ from hydro.core.effects.program import (
     seas,
     start,
     thrusters_of,
+    with_thrusters,
     wrench,
 )
 from hydro.core.effects.record import Role
@@ -57,6 +58,10 @@ class Candidate:
         """Thruster table of the n thrusters, (n, COLUMNS)."""
         table: Array = thrusters_of(self.program.flat)
         return table
+
+    def with_thrusters(self, rows: Array) -> Candidate:
+        """Return the candidate with further thrusters, rows of `vehicle.thrusters`, (n, COLUMNS)."""
+        return replace(self, program=with_thrusters(self.program, rows))
 
     def in_sea(self, harmonics: Array) -> Candidate:
         """Return the candidate in waves.

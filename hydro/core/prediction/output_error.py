@@ -11,8 +11,10 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -65,26 +67,37 @@ class OutputError:
         """
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
-    def at_measured_states(self, vehicle: Vehicle) -> OutputError:
-        """Return the problem with initial states at the logged motion, corrected for DVL errors of a vehicle.
+    def at_measured_states(self, vehicle: Vehicle) -> Self:
+        """Return the problem with initial states corrected for the DVL errors of a vehicle."""
+        shots = multiple_shooting.corrected_first(self.shots, candidate(vehicle))
+        return replace(self, shots=shots, near=None)
 
-        Args:
-            vehicle: Vehicle with the DVL errors.
-        """
-        return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
-
-    def some(self, most: int) -> OutputError:
-        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer shots."""
+    def some(self, most: int) -> Self:
+        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer."""
         kept = kept_evenly(len(self.shots.starts), most)
-        return self if kept.all() else OutputError(self.shots.of(kept))
+        return self if kept.all() else self.over(kept)
 
-    def anchored(self) -> OutputError:
-        """Return the problem with the logged initial states as samples, with the noise of their channels.
+    def over(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the problem over the shots of a mask (S,)."""
+        return replace(self, shots=self.shots.of(kept), near=None)
+
+    def anchored(self) -> Self:
+        """Return the problem with the logged initial states as samples, with the noise of its channels.
 
         These samples keep their weight if the channels get other weights.  So the initial states of a fit far
         from the noise cannot absorb errors of the model that are larger than the noise of the log.
         """
-        return OutputError(self.shots.anchored(), self.near)
+        return replace(self, shots=self.shots.anchored())
+
+    def prepared(
+        self, vehicle: Vehicle, like: multiple_shooting.Prepared | None = None
+    ) -> multiple_shooting.Prepared:
+        """Return a vehicle prepared for the shots, see `multiple_shooting.prepare`."""
+        return multiple_shooting.prepare(candidate(vehicle), self.shots, like)
+
+    def residuals(self, vehicle: Vehicle) -> Array:
+        """Return the residuals of a vehicle in standard deviations of the noise, (S, length - lead, 12)."""
+        return multiple_shooting.residuals(self.prepared(vehicle), self.shots)
 
     def coarsened(self, vehicle: Vehicle) -> OutputError:
         """Return the problem with the fewest integration steps that are accurate for a vehicle's residual.
@@ -109,22 +122,16 @@ class OutputError:
         return self
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the problem about a vehicle, see `sensitivity.linearise`.
-
-        Args:
-            base: The vehicle.
-            moved: Copies of the vehicle with one changed parameter each.
-            steps: Size of each change, in the unit of the problem's parameters.
-        """
-        prepared = multiple_shooting.prepare(candidate(base), self.shots, self.near)
+        """Linearise the problem, see `sensitivity.linearise`."""
+        prepared = self.prepared(base, self.near)
 
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
-            return multiple_shooting.prepare(candidate(other), self.shots, prepared)
+            return self.prepared(other, prepared)
 
         return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
-    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
-        """Return the sum of squared residuals of a vehicle after a step, and the problem after the step.
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Self]:
+        """Return the cost from initial states moved by the linearised problem.
 
         The initial states move as the linearised problem predicts.  Shots with a cost far from the
         expectation try shorter moves of their initial states, at last none.
@@ -138,10 +145,7 @@ class OutputError:
         farthest = FARTHEST * self.shots.trust
         shift = np.clip(shift, -farthest, farthest)
         first = multiple_shooting.displaced(self.shots.first, shift)
-        prepared, reached = (
-            multiple_shooting.prepare(candidate(vehicle), self.shots, self.near),
-            OFF * normal.expected(step),
-        )
+        prepared, reached = self.prepared(vehicle, self.near), OFF * normal.expected(step)
         costs = multiple_shooting.costs(prepared, replace(self.shots, first=first))
         for part in SHORTER:
             poor = ~(costs <= np.maximum(reached, normal.freedom))
@@ -152,25 +156,18 @@ class OutputError:
             again = multiple_shooting.costs(prepared.of(poor), tried)
             better = np.flatnonzero(poor)[again < costs[poor]]
             first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
-        return float(costs.sum()), OutputError(replace(self.shots, first=first), prepared)
+        return float(costs.sum()), replace(self, shots=replace(self.shots, first=first), near=prepared)
 
-    def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
-        """Set the noise of each channel to the size of its residual, so that unexplained channels count less.
-
-        Args:
-            normal: Problem at the present estimate.
-
-        Returns:
-            The problem, and whether its weights changed.
-        """
+    def reweighted(self, normal: Normal) -> tuple[Self, bool]:
+        """Set the noise of each channel to its residual, so that unexplained channels count less."""
         sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
         return self.weighed(sigma), True
 
-    def weighed(self, sigma: Array) -> OutputError:
+    def weighed(self, sigma: Array) -> Self:
         """Return the problem with standard deviations `sigma` of the noise of the 12 channels, (12,)."""
-        return OutputError(replace(self.shots, sigma=sigma), self.near)
+        return replace(self, shots=replace(self.shots, sigma=sigma))
 
 
 def in_waves(shots: Shots, model: Candidate) -> Shots:

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.prediction.candidate import candidate
-from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, prepare, residuals
+from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER
 from hydro.core.prediction.normal_equations import Normal
-from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.shots import CHANNELS
-from hydro.core.residual.hull import Law
+from hydro.core.residual.hull import Hull
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
@@ -28,24 +26,19 @@ class AskedAnew:
     """Least-squares problem of `levenberg_marquardt` with the hull force recomputed for every candidate.
 
     Attributes:
-        law: Model of the residual hull force.
-        transitions: Responses of the shots to small deviations, used for all candidates.
-        beginnings: Orthonormal basis of the responses of the K compared values of each of S shots to its
-            initial state, in units of the noise, (S, K, 12).
+        hull: The hull-force model.
+        transitions: State transitions of deviations in the shots, for all candidates.
+        beginnings: Orthonormal responses of the compared rows to the initial state, in units of the noise,
+            (S, K, 12), K values per shot.
     """
 
-    law: Law
+    hull: Hull
     transitions: Transitions
     beginnings: Array
 
     @classmethod
-    def of(cls, law: Law, transitions: Transitions) -> AskedAnew:
-        """Prepare the problem.
-
-        Args:
-            law: Model of the residual hull force.
-            transitions: Shots of the recording, with their responses to forces.
-        """
+    def of(cls, hull: Hull, transitions: Transitions) -> AskedAnew:
+        """Prepare the problem from the transitions of shots."""
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
             part = slice(begin, begin + SHOTS_TOGETHER)
@@ -55,7 +48,7 @@ class AskedAnew:
             if (counted := shots.weights(part)) is not None:
                 answers[~counted] = 0.0
             found.append(np.linalg.qr(answers.reshape(len(answers), -1, CHANNELS))[0])
-        return cls(law, transitions, np.concatenate(found))
+        return cls(hull, transitions, np.concatenate(found))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Linearise the least-squares problem about a vehicle by finite differences.
@@ -88,11 +81,8 @@ class AskedAnew:
         return self, False
 
     def _left(self, vehicle: Vehicle) -> Array:
-        """Return residuals of a vehicle in units of the noise, with the initial states eliminated, (S, K)."""
-        shots = self.transitions.shots
-        corrected = OutputError(self.transitions.corrected(self.law.wrench(vehicle, shots)))
-        begun = corrected.at_measured_states(vehicle).shots
-        error = residuals(prepare(candidate(vehicle), begun), begun)
+        """Return residuals in units of the noise with the initial states eliminated, (S, K)."""
+        error = self.hull.acting(vehicle, self.transitions).at_measured_states(vehicle).residuals(vehicle)
         flat = np.nan_to_num(error.reshape(len(error), -1), nan=ENDLESS, posinf=ENDLESS, neginf=-ENDLESS)
         own = np.einsum("skc,sk->sc", self.beginnings, flat)
         return np.asarray(flat - np.einsum("skc,sc->sk", self.beginnings, own))

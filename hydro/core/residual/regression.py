@@ -9,7 +9,7 @@ reduced to the normal equations of each stretch, the part of a recording that is
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,6 +52,15 @@ class Regression:
     errors: Array
     low: Array
     high: Array
+
+    def without_folds(self) -> list[Regression]:
+        """Return the fits without each fold."""
+        return [replace(self, coefficients=each) for each in self.left_out]
+
+    def moved(self, step: Regression) -> Regression:
+        """Return the fit with the coefficients of another one of the same folds added."""
+        coefficients, left_out = self.coefficients + step.coefficients, self.left_out + step.left_out
+        return replace(self, coefficients=coefficients, left_out=left_out)
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
         """Return the residual wrench on the vehicle about CO at every row of a recording, (N, 6) [N, N m].

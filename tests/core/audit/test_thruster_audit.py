@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import msgspec
 import numpy as np
 import polars as pl
@@ -11,6 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import damped, moved
 
+from hydro.core.audit import thrusters
+from hydro.core.audit.momentum_balance import Balance
 from hydro.core.audit.thrusters import audit
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import POSE, VELOCITY
@@ -315,3 +320,69 @@ def test_a_mixer_that_the_file_does_not_know_is_no_reversed_thruster(seed):
     """The pitch demand pushes up as well; it still pitches the vehicle as the file says."""
     known, raw = by_demands(4.0, seed=seed)
     assert not audited(raw, known).wrong
+
+
+def regressed(arms, gram, score) -> Balance:
+    """Statistics of a regression in which all thrusters have one curve and ran, and all axes are measured."""
+    count = arms.shape[1]
+    every, none = np.ones(6, bool), np.zeros(count, bool)
+    kinds, driven = np.zeros(count, np.int64), np.arange(count)
+    return Balance(gram, score, arms, kinds, every, np.zeros(6), driven, none, 0.0)
+
+
+def pushing(strengths, information=100.0) -> Balance:
+    """Statistics that show these effectivenesses of thrusters along x, y, z and about them, to 0.1."""
+    count = len(strengths)
+    arms, gram = np.eye(6)[:, :count], np.zeros((6, count, count))
+    for axis in range(count):
+        gram[axis] = information * np.eye(count)
+    return regressed(arms, gram, gram @ np.zeros(count) + information * arms * np.array(strengths))
+
+
+def claimed(found: Balance, *chances) -> list:
+    """What stands of hypotheses with these probabilities, the likeliest first."""
+    tried = SimpleNamespace(wirings=lambda: list(chances))
+    return thrusters._explaining(found, cast(Any, tried))
+
+
+def test_an_exchange_that_leaves_the_thrusters_as_unequal_counts_for_the_file(monkeypatch):
+    """Estimates of a log whose file has too little added mass in heave, in both orders."""
+    strengths = {
+        (0, 1, 2, 3, 4, 5): [0.60, 0.51, 0.72, 0.75, 0.12, 0.10],
+        (2, 1, 0, 3, 4, 5): [2.35, 3.02, 2.85, 3.48, 0.12, 0.10],
+    }
+    monkeypatch.setattr(
+        thrusters, "effectiveness", lambda _, column: (np.array(strengths[column]), 0.01 * np.eye(6))
+    )
+    swapped, file = Wiring((2, 1, 0, 3, 4, 5), (1,) * 6), Wiring.plain(6)
+    assert claimed(cast(Any, None), (swapped, 0.75), (file, 0.25)) == [(file, 1.0)]
+
+
+def test_a_reversed_thruster_stands_without_an_exchange_beside_it():
+    found = pushing([0.8, -0.8, 0.7, 0.8])
+    turned = Wiring((0, 1, 2, 3), (1, -1, 1, 1))
+    both = Wiring((2, 1, 0, 3), (1, -1, 1, 1))
+    assert claimed(found, (both, 0.9), (turned, 0.1)) == [(turned, pytest.approx(1.0))]
+
+
+def test_an_assignment_has_simpler_ones():
+    turned = Wiring((1, 2, 0, 3), (1, 1, 1, -1))
+    assert set(turned.simpler()) == {
+        Wiring((1, 2, 0, 3), (1, 1, 1, 1)),
+        Wiring((0, 2, 1, 3), (1, 1, 1, -1)),
+        Wiring((2, 1, 0, 3), (1, 1, 1, -1)),
+        Wiring((1, 0, 2, 3), (1, 1, 1, -1)),
+    }
+    assert not list(Wiring.plain(3).simpler())
+
+
+def test_thrusters_are_weak_only_beside_others_of_their_axis():
+    """All thrusters along one axis at 0.3 may push a heavier vehicle; one of them at 0.3 does not."""
+    arms = np.zeros((6, 4))
+    arms[0, :2] = arms[2, 2:] = 1.0
+    gram = np.stack([100.0 * np.diag(row) for row in arms])
+    found, seen = regressed(arms, gram, np.zeros((6, 4))), np.ones(4, bool)
+    assert not thrusters._weak(found, np.array([1.0, 1.0, 0.3, 0.3]), seen, 1.0).any()
+    assert thrusters._weak(found, np.array([1.0, 1.0, 1.0, 0.3]), seen, 1.0).tolist() == [False] * 3 + [True]
+    dead = thrusters._weak(found, np.array([1.0, 1.0, 0.1, 0.1]), seen, 1.0)
+    assert dead.tolist() == [False, False, True, True], "no error of the inertia explains this"

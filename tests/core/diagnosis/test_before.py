@@ -173,7 +173,8 @@ def test_an_effect_that_the_earlier_recording_needs_as_well_is_no_change(before)
     (finding,) = found.findings
     assert (finding.verdict, finding.effect) == ("none_of_the_known", "")
     assert set(finding.members) & {"linear_damping", "quadratic_damping"}
-    assert f"--effect {finding.members[0]}" in finding.advice
+    assert f"Fit {finding.members[0]} to the earlier recording" in finding.advice
+    assert "VEHICLE" not in finding.advice, "a placeholder"
     assert found.status.headline.startswith("No change can be named: The earlier recording needs ")
 
 

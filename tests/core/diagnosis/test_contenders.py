@@ -16,6 +16,7 @@ from recordings import damped
 
 from hydro.core.diagnosis import contenders
 from hydro.core.diagnosis.by_change import Change
+from hydro.core.diagnosis.confidence import Fitted, left_out_costs
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import Model, passive
 from hydro.core.diagnosis.settings import SURE
@@ -190,3 +191,22 @@ def test_needless_entries_keep_the_values_of_the_file(monkeypatch, amounts, held
     else:
         with pytest.raises(_Kept, match=re.escape(str(held))):
             contenders.without_needless_entries(compared, last, contender)
+
+
+def test_components_that_act_alike_do_not_hide_an_effect():
+    """With a constant command, a fin's area, offset and deflection at full command scale one force."""
+    rng = np.random.default_rng(1)
+    force = rng.standard_normal((SHOTS, 50))
+    alike = [scale * force + 1e-3 * rng.standard_normal((SHOTS, 50)) for scale in (1.0, -0.1, 0.1)]
+    error = 10.0 * force + 0.1 * rng.standard_normal((SHOTS, 50))
+    both = np.stack([*alike, error], axis=-1)
+    gram = both.transpose(0, 2, 1) @ both
+    normal = Normal(gram, 50, gram[:, -1:, -1], np.zeros((SHOTS, 0, 4)))
+    compared = cast(Any, SimpleNamespace(left_out=lambda each: _left_in_halves(each)))
+    assert contenders._needed(compared, normal, [0, 1, 2]) == [0]
+    assert contenders._needed(compared, normal.of([1]), [0]) == [0]
+
+
+def _left_in_halves(normal: Normal) -> np.ndarray:
+    """Return the costs of the shots of each half after a step to the other half."""
+    return left_out_costs(Fitted(normal, np.zeros(len(normal.gram[0]) - 1)), np.arange(SHOTS) % 2)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from recordings import damped
 
-from hydro.core.diagnosis.sensor_errors import by_kinematics, new_sensor_errors, sensor_finding
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.sensor_errors import (
+    by_kinematics,
+    new_sensor_errors,
+    sensor_finding,
+    sure_by_kinematics,
+)
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 
 FILE = damped()
@@ -63,3 +69,17 @@ def test_values_count_as_kinematic_only_if_they_equal_the_kinematic_ones():
     assert not by_kinematics({"name": "sensor_delay", "d": 0.12}, tests)
     assert not by_kinematics({"name": "command_delay", "d": 0.1}, tests)
     assert not by_kinematics({"name": "sensor_delay", "d": 0.0}, late(0.0)), "nothing is shown"
+
+
+def test_kinematics_alone_gives_the_confidence_in_a_sensor_error():
+    """Error that no force explains does not lower it."""
+    found = Finding("missing", "sensor_delay", ("sensor_delay",), 0.26, confidence=0.6, advice="shift it")
+    named = sure_by_kinematics(found, late(0.1))
+    assert named is not None
+    assert (named.verdict, named.share) == ("missing", 0.26)
+    assert named.confidence > 0.99
+    assert "whatever forces act" in named.advice
+    assert sure_by_kinematics(found, late(0.0)) is None, "kinematics shows nothing"
+    assert sure_by_kinematics(found, {}) is None, "kinematics could not be asked"
+    unsure = Finding("cannot_tell_apart", "sensor_delay", ("sensor_delay", "command_delay"), confidence=0.6)
+    assert sure_by_kinematics(unsure, late(0.1)) is None
