@@ -241,8 +241,9 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
     if baseline.sea is None:
         named = discounted_by_largest(named, model.normal.chi2)
+    rest = max(sum(one.share for one in remaining), excess_share(baseline, model))
     findings = [
-        sure_by_kinematics(one, baseline.sensors) or stated(discounted_by_unexplained(one, remaining))
+        sure_by_kinematics(one, baseline.sensors) or stated(discounted_by_unexplained(one, rest))
         for one in named
     ]
     findings += remaining

@@ -99,26 +99,27 @@ class OutputError:
         """Return the residuals of a vehicle in standard deviations of the noise, (S, length - lead, 12)."""
         return multiple_shooting.residuals(self.prepared(vehicle), self.shots)
 
-    def coarsened(self, vehicle: Vehicle) -> OutputError:
+    def coarsened(self, vehicle: Vehicle) -> Self:
         """Return the problem with the fewest integration steps that are accurate for a vehicle's residual.
 
         Steps are short enough for residuals of the size of the noise.  Where residuals are far larger, longer
         steps change no decision and save most of the time.  In each channel, they change the predictions of
         the vehicle by at most INTEGRATION_ERROR of its residual.
         """
-        tested = self.some(TESTED_SHOTS).shots
-        prepared = multiple_shooting.prepare(candidate(vehicle), tested)
+        tested = self.some(TESTED_SHOTS)
+        prepared = tested.prepared(vehicle)
 
         def predicted(steps: int) -> Array:
-            return multiple_shooting.residuals(prepared, replace(tested, steps=steps), calmed=False)
+            shots = replace(tested.shots, steps=steps)
+            return multiple_shooting.residuals(prepared, shots, calmed=False)
 
-        most = multiple_shooting.most_steps(tested)
+        most = multiple_shooting.most_steps(tested.shots)
         fine = predicted(most)
         with np.errstate(over="ignore", invalid="ignore"):
             allowed = INTEGRATION_ERROR**2 * (fine**2).mean(axis=(0, 1))
             for steps in range(1, most):
                 if (((predicted(steps) - fine) ** 2).mean(axis=(0, 1)) <= allowed).all():
-                    return OutputError(replace(self.shots, steps=steps), self.near)
+                    return replace(self, shots=replace(self.shots, steps=steps))
         return self
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
