@@ -162,7 +162,7 @@ def step(
     copy_kernel(y, trial)
     for stage in range(4):
         rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
-        if deviations is not None and stage == 1:
+        if deviations is not None and stage == 1 and deviations.carried:
             carry(flat, s, work, rotors[1], h, deviations)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
         ahead = h if stage == 2 else 0.5 * h
@@ -231,7 +231,7 @@ def march(
     y, t, last = motion.y, course.t, out.shape[0] - 1
     for k in range(last + 1):
         copy_kernel(y, out[k])
-        if deviations is not None:
+        if deviations is not None and deviations.carried:
             for i in range(DEVIATION):
                 copy_kernel(deviations.delta[i], deviations.out[k, i])
         total = 0.0  # not finite if any value is not
@@ -239,7 +239,7 @@ def march(
             total += y[i]
         if not math.isfinite(total):
             out[k + 1 :] = np.nan
-            if deviations is not None:
+            if deviations is not None and deviations.carried:
                 deviations.out[k:] = np.nan
             return k
         if pilot is not None:

@@ -86,6 +86,7 @@ class Deviations(NamedTuple):
         changed: Workspace for the rates of a changed state, (13 + states,).
         gone: Workspace for the wrench of removed effects, (6,).
         out: Output: (K, 12, 12 + P), row by row, without internal states.
+        carried: Whether they are carried along.
     """
 
     changes: Changes
@@ -97,6 +98,7 @@ class Deviations(NamedTuple):
     changed: Array
     gone: Array
     out: Array
+    carried: bool
 
 
 class Middle(NamedTuple):
@@ -124,7 +126,7 @@ class Middle(NamedTuple):
 
 
 @jit
-def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Deviations:
+def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carried: bool) -> Deviations:
     """Initialise deviations.
 
     Args:
@@ -132,6 +134,7 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
         ahead: Change of the internal states per unit of each parameter, (states, P).
         own: Internal states of added effects, (all,).
         out: As in `Deviations`.
+        carried: As in `Deviations`.
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
@@ -145,7 +148,8 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
         np.zeros((size, size)),
         np.zeros((size - 6, total - DEVIATION)),
     )
-    return Deviations(changes, delta, every, middle, slope, push, np.zeros(size + 1), np.zeros(6), out)
+    changed, gone = np.zeros(size + 1), np.zeros(6)
+    return Deviations(changes, delta, every, middle, slope, push, changed, gone, out, carried)
 
 
 @separate

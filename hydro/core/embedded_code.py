@@ -1,0 +1,88 @@
+"""Kernels whose code is compiled only as a part of their callers.
+
+Numba optimises every kernel that a kernel calls, translates it to machine code, and wraps it for Python.
+Then it links the same code into the caller, and does all of this again.  Python calls the outermost kernel
+only.  An embedded kernel is therefore only typed and lowered to LLVM's intermediate code.  The caller is
+optimised once, with the code of all its embedded kernels in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.dispatcher import Dispatcher
+
+from hydro.core.compiler_flags import quicken
+from hydro.core.kernel_cache import tell_compiled
+
+_PRIVATE = "_get_module_for_linking", "_optimize_final_module", "_finalize_final_module"
+"""Methods of numba's code library (0.61 to 0.68) that the one below relies on; where one is missing, the
+code of called kernels is compiled as numba does."""
+
+
+class _Library(JITCodeLibrary):  # type: ignore[misc]
+    """Intermediate code of a kernel and of all that it calls, without machine code."""
+
+    @property
+    def codegen(self) -> _Library:
+        """This library, for its `set_env`."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Store nothing: only wrappers for Python use the environment of a function."""
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0, numba's value for a function without machine code."""
+        return 0
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Optimise nothing; the outermost caller does."""
+        module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        """Link the code of the called functions; the outermost caller optimises it."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+
+class _Compiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, with the library above."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Library(self.state.targetctx.codegen(), function.__qualname__)
+        compiled = super().compile_extra(function)
+        tell_compiled()
+        return compiled
+
+
+def embedded(function: Callable[..., Any], **options: Any) -> Any:
+    """Return a kernel for the use of other kernels; a call from Python ends the process.
+
+    Args:
+        function: The function, or None of its compiled forms.
+        options: Options of `numba.njit`.
+    """
+    known = all(hasattr(JITCodeLibrary, name) for name in _PRIVATE)
+    compiler = {"pipeline_class": _Compiler} if known else {}
+    kernel = numba.njit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **compiler, **options)
+    quicken(kernel)
+    return kernel
+
+
+def embed(dispatcher: Any, part: Any) -> None:
+    """Make callers of a kernel use its embedded form; Python still calls the kernel itself.
+
+    Args:
+        dispatcher: Numba's dispatcher of the kernel.  A plain function stays as it is; with NUMBA_DISABLE_JIT
+            kernels are plain functions.
+        part: Its form by `embedded`.
+    """
+    if isinstance(dispatcher, Dispatcher):
+        kernel: Any = dispatcher  # numba's stubs do not allow another method
+        kernel.get_call_template, kernel.get_overload = part.get_call_template, part.get_overload
