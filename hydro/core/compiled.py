@@ -22,8 +22,7 @@ from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
 
 from hydro.core import kernel_cache, separate_code
-from hydro.core.compiler_flags import quicken
-from hydro.core.embedded_code import embed, embedded
+from hydro.core.embedded_code import embed, embedded, outermost
 from hydro.core.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -116,10 +115,12 @@ def jit(
         embeds: Compile the code for other kernels only as a part of their code (`embedded_code`).
     """
     options = _options(counted=counted, within=within, reorder_sums=reorder_sums)
-    dispatcher = numba.njit(function, no_cfunc_wrapper=True, **options)  # nothing calls the entry for C
-    quicken(dispatcher)
-    if embeds and not reorder_sums:  # within its caller the code might add in another order
-        embed(dispatcher, embedded(function, **options))
+    if reorder_sums:  # as a part of other code it might add in another order
+        dispatcher: Any = numba.njit(function, no_cfunc_wrapper=True, **options)
+    else:
+        dispatcher = outermost(function, **options)
+        if embeds:
+            embed(dispatcher, embedded(function, **options))
     if (cache := _cache(function)) is not None:
         dispatcher._cache = cache
     return dispatcher  # type: ignore[no-any-return]

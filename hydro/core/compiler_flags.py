@@ -11,11 +11,13 @@ from typing import Any
 
 from numba.core.compiler import Flags
 
+_OF_ENTRIES = frozenset({"no_cpython_wrapper", "no_cfunc_wrapper"})
+"""Options that concern the entry of a function, not the code of its operations."""
 _HASH = hash(Flags())  # numba's hash of flags does not depend on their values
 
 
 class QuickFlags(Flags):  # type: ignore[misc]
-    """Flags that compare only the options that were set."""
+    """Flags that are equal if they compile an operation alike; only options that were set are compared."""
 
     __slots__ = ()
 
@@ -28,7 +30,7 @@ class QuickFlags(Flags):  # type: ignore[misc]
         options = self.options
         return all(
             mine.get(name, options[name].default) == its.get(name, options[name].default)
-            for name in mine.keys() | its.keys()
+            for name in (mine.keys() | its.keys()) - _OF_ENTRIES
         )
 
     def __hash__(self) -> int:

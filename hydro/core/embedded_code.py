@@ -19,16 +19,25 @@ from numba.core.dispatcher import Dispatcher
 from hydro.core.compiler_flags import quicken
 from hydro.core.kernel_cache import tell_compiled
 
-_PRIVATE = "_get_module_for_linking", "_optimize_final_module", "_finalize_final_module"
-"""Methods of numba's code library (0.61 to 0.68) that the one below relies on; where one is missing, the
-code of called kernels is compiled as numba does."""
+_PRIVATE = "_get_module_for_linking", "_optimize_functions", "_optimize_final_module"
+"""Methods of numba's code library (0.61 to 0.68) on which the ones below rely."""
+_KNOWN = all(hasattr(JITCodeLibrary, name) for name in _PRIVATE)
+"""Whether all are there; otherwise kernels are compiled as numba does."""
 
 
-class _Library(JITCodeLibrary):  # type: ignore[misc]
+class _Outermost(JITCodeLibrary):  # type: ignore[misc]
+    """Machine code of a kernel that Python calls."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Optimise nothing; the code is optimised as a whole, after its embedded kernels are linked."""
+        module.data_layout = self._codegen._data_layout
+
+
+class _Embedded(_Outermost):
     """Intermediate code of a kernel and of all that it calls, without machine code."""
 
     @property
-    def codegen(self) -> _Library:
+    def codegen(self) -> _Embedded:
         """This library, for its `set_env`."""
         return self
 
@@ -39,10 +48,6 @@ class _Library(JITCodeLibrary):  # type: ignore[misc]
         """Return 0, numba's value for a function without machine code."""
         return 0
 
-    def _optimize_functions(self, module: Any) -> None:
-        """Optimise nothing; the outermost caller does."""
-        module.data_layout = self._codegen._data_layout
-
     def finalize(self) -> None:
         """Link the code of the called functions; the outermost caller optimises it."""
         for library in dict.fromkeys(self._linking_libraries):
@@ -51,14 +56,39 @@ class _Library(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
+class _OutermostCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, with the library above."""
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        self.state.library = _Outermost(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(function)
+
+
 class _Compiler(Compiler):  # type: ignore[misc]
     """Numba's compiler, with the library above."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
-        self.state.library = _Library(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library = _Embedded(self.state.targetctx.codegen(), function.__qualname__)
         compiled = super().compile_extra(function)
         tell_compiled()
         return compiled
+
+
+def outermost(function: Callable[..., Any], **options: Any) -> Any:
+    """Return a kernel for Python.
+
+    Args:
+        function: The function.
+        options: Options of `numba.njit`.
+    """
+    compiler = {"pipeline_class": _OutermostCompiler} if _KNOWN else {}
+    return _quick(numba.njit(function, no_cfunc_wrapper=True, **compiler, **options))
+
+
+def _quick(kernel: Any) -> Any:
+    quicken(kernel)
+    return kernel
 
 
 def embedded(function: Callable[..., Any], **options: Any) -> Any:
@@ -68,11 +98,8 @@ def embedded(function: Callable[..., Any], **options: Any) -> Any:
         function: The function, or None of its compiled forms.
         options: Options of `numba.njit`.
     """
-    known = all(hasattr(JITCodeLibrary, name) for name in _PRIVATE)
-    compiler = {"pipeline_class": _Compiler} if known else {}
-    kernel = numba.njit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **compiler, **options)
-    quicken(kernel)
-    return kernel
+    compiler = {"pipeline_class": _Compiler} if _KNOWN else {}
+    return _quick(numba.njit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **compiler, **options))
 
 
 def embed(dispatcher: Any, part: Any) -> None:

@@ -62,10 +62,13 @@ class Course(NamedTuple):
     length: float
 
 
+_thrusters_of = jit(thrusters_of)
+
+
 @jit
 def at_rest(flat: Array) -> Thrusters:
     """Return the thrusters of a vehicle, at rest."""
-    table = thrusters_of(flat)
+    table = _thrusters_of(flat)
     n = table.shape[0]
     upcoming = np.zeros(n, np.int64)
     return Thrusters(table, np.zeros(n), upcoming, np.ones(n), np.zeros((3, n)), np.zeros(2))
