@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import copy_kernel, jit, kernel, separate
+from hydro.core.compiled import copy_kernel, jit, kernel, separate, within
 from hydro.core.effects.layout import TIME
 from hydro.core.effects.program import heed, thrusters_of
 from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
@@ -142,7 +142,7 @@ def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: fl
     return until
 
 
-@kernel
+@within
 def step(
     flat: Array,
     facets: Array,
@@ -181,7 +181,7 @@ def step(
         y[i] /= norm
 
 
-@kernel
+@within
 def advance(
     motion: Motion,
     thrusters: Thrusters,
