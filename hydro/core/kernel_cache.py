@@ -26,7 +26,7 @@ from numba.core import caching
 from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
 
-COMPILING = "compiling kernels for this machine, about 25 s, only once"
+COMPILING = "compiling kernels for this machine, about 15 s, only once"
 """Notice before the first kernels are compiled."""
 SILENCE = 3.0
 """Longest time without a line during the first compilation [s]."""

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from hydro.core import compiled
+from hydro.core import compiled, embedded_code
+from hydro.core.compiler_flags import QuickFlags
 
 
 def tripled(x: np.ndarray, out: np.ndarray) -> None:
@@ -48,6 +49,17 @@ def test_python_still_calls_the_kernel_itself() -> None:
 
 
 def test_a_function_that_is_not_compiled_stays_as_it_is() -> None:
-    compiled.embed(tripled, None)
+    embedded_code.embed(tripled, None)
     assert not isinstance(tripled, Dispatcher)
     assert not hasattr(tripled, "get_call_template")
+
+
+def test_flags_are_equal_that_compile_an_operation_alike() -> None:
+    plain, other = QuickFlags(), QuickFlags()
+    plain.nrt = other.nrt = False
+    other.no_cpython_wrapper, other.error_model = True, "python"  # the latter is the default
+    assert plain == other
+    assert hash(plain) == hash(other)
+    other.fastmath = True
+    assert plain != other
+    assert plain != "flags"
