@@ -57,7 +57,7 @@ class _Embedded(_Outermost):
 
 
 class _OutermostCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, with the library above."""
+    """Numba's compiler, which optimises the code as a whole."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         self.state.library = _Outermost(self.state.targetctx.codegen(), function.__qualname__)
@@ -65,8 +65,8 @@ class _OutermostCompiler(Compiler):  # type: ignore[misc]
         return super().compile_extra(function)
 
 
-class _Compiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, with the library above."""
+class _EmbeddedCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, which keeps intermediate code only."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         self.state.library = _Embedded(self.state.targetctx.codegen(), function.__qualname__)
@@ -95,10 +95,10 @@ def embedded(function: Callable[..., Any], **options: Any) -> Any:
     """Return a kernel for the use of other kernels; a call from Python ends the process.
 
     Args:
-        function: The function, or None of its compiled forms.
+        function: The function itself, not a compiled form of it.
         options: Options of `numba.njit`.
     """
-    compiler = {"pipeline_class": _Compiler} if _KNOWN else {}
+    compiler = {"pipeline_class": _EmbeddedCompiler} if _KNOWN else {}
     return _quick(numba.njit(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **compiler, **options))
 
 
