@@ -54,8 +54,9 @@ LEVELS = {
         ("toml_text", "seeds"),
         ("threads",),
         ("compiled",),
+        ("embedded_code",),
         ("extras", "kernel_cache"),
-        ("separate_code",),
+        ("compiler_flags", "separate_code"),
         ("errors", "interval", "nesting", "progress"),
     ),
     "hydro.sim": (

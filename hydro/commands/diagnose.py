@@ -460,10 +460,9 @@ def _require_better(source: Artefact, names: list[str], *, alone: bool) -> None:
     Raises:
         DataError: The findings do not lower the error.
     """
-    from hydro.core.diagnosis.findings import PREDICTION, Prediction, no_better
+    from hydro.core.diagnosis.findings import no_better, prediction_of
 
-    errors = source.provenance.parameters.get(PREDICTION)
-    prediction = None if errors is None else Prediction(**errors)
+    prediction = prediction_of(source.provenance.parameters)
     if why := no_better(source.frame, prediction, names, alone=alone):
         raise DataError(f"{why}; --force adds it all the same")
 

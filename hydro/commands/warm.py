@@ -8,8 +8,8 @@ from hydro.commands.shell import message, progress
 def warm() -> None:
     """Compile the physics for this machine, once after an installation.
 
-    The first command that needs a part of the physics compiles it otherwise, and takes half a minute longer
-    than the next ones. The compiled code is kept in the user's cache folder, or in HYDRO_CACHE_DIR.
+    The first command that needs a part of the physics compiles it otherwise, and takes about 15 s longer than
+    the next ones. The compiled code is kept in the user's cache folder, or in HYDRO_CACHE_DIR.
 
         hydro warm
     """

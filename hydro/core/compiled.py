@@ -22,6 +22,7 @@ from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
 
 from hydro.core import kernel_cache, separate_code
+from hydro.core.embedded_code import embed, embedded, outermost
 from hydro.core.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -95,7 +96,14 @@ def _cache(function: Callable[..., Any]) -> KernelCache | None:
         return None
 
 
-def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within: bool = False) -> F:
+def jit(
+    function: F,
+    *,
+    reorder_sums: bool = False,
+    counted: bool = True,
+    within: bool = False,
+    embeds: bool = True,
+) -> F:
     """Compile with `numba.njit`, using the cache above if there is a folder for it.
 
     Args:
@@ -104,25 +112,21 @@ def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within
             result is reproducible on one machine; its rounding may differ on another.
         counted: Count references to arrays; see `kernel`.
         within: Inline the code into its callers; an array otherwise takes seven arguments of a call.
+        embeds: Compile the code for other kernels only as a part of their code (`embedded_code`).
     """
-    fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
-    # Set explicitly for every function; otherwise it would inherit the setting of its first caller.
-    counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
-    dispatcher = numba.njit(
-        function,
-        error_model="numpy",
-        nogil=True,
-        fastmath=fastmath,
-        forceinline=within,
-        no_cfunc_wrapper=True,  # an entry for C, which nothing calls
-        **counts,
-    )
+    options = _options(counted=counted, within=within, reorder_sums=reorder_sums)
+    if reorder_sums:  # as a part of other code it might add in another order
+        dispatcher: Any = numba.njit(function, no_cfunc_wrapper=True, **options)
+    else:
+        dispatcher = outermost(function, **options)
+        if embeds:
+            embed(dispatcher, embedded(function, **options))
     if (cache := _cache(function)) is not None:
         dispatcher._cache = cache
     return dispatcher  # type: ignore[no-any-return]
 
 
-def kernel(function: F, *, reorder_sums: bool = False, within: bool = False) -> F:
+def kernel(function: F, *, reorder_sums: bool = False, within: bool = False, embeds: bool = True) -> F:
     """Compile a function that allocates and returns no arrays, and calls none that does.
 
     Numba counts references to the memory of every slice, with atomic operations that take longer than the
@@ -130,7 +134,7 @@ def kernel(function: F, *, reorder_sums: bool = False, within: bool = False) -> 
     that allocates an array does not compile.  Tests check that no kernel returns an array and that no memory
     leaks.
     """
-    return jit(function, reorder_sums=reorder_sums, counted=False, within=within)
+    return jit(function, reorder_sums=reorder_sums, counted=False, within=within, embeds=embeds)
 
 
 def within(function: F) -> F:
@@ -140,7 +144,7 @@ def within(function: F) -> F:
 
 def separate(function: F) -> F:
     """Compile a `kernel` whose callers call its code instead of containing a copy, for long functions."""
-    compiled = kernel(function)
+    compiled = kernel(function, embeds=False)
     separate_code.separate(compiled)
     return compiled
 
@@ -148,21 +152,20 @@ def separate(function: F) -> F:
 def inlined_copy(function: F) -> F:
     """Return a copy of a `kernel` that is inlined into its callers, while the original is not.
 
-    A call passes seven arguments per array, which takes longer than the arithmetic of a small effect.  The
-    copy has no cache and no entry for Python: the cached code of its callers contains it.
+    A call passes seven arguments per array, which takes longer than the arithmetic of a small effect.  Python
+    cannot call the copy.
     """
-    counts = {"_nrt": False} if hasattr(CPUTargetOptions, "_nrt") else {}
-    source = getattr(function, "py_func", function)
-    return numba.njit(  # type: ignore[no-any-return]
-        source,
-        error_model="numpy",
-        nogil=True,
-        fastmath=False,
-        forceinline=True,
-        no_cpython_wrapper=True,
-        no_cfunc_wrapper=True,
-        **counts,
+    return embedded(  # type: ignore[no-any-return]
+        getattr(function, "py_func", function), **_options(counted=False, within=True)
     )
+
+
+def _options(*, counted: bool, within: bool = False, reorder_sums: bool = False) -> dict[str, Any]:
+    """Return numba's options for those of `jit`."""
+    # Set explicitly for every function; otherwise it would inherit the setting of its first caller.
+    counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
+    fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
+    return {"error_model": "numpy", "nogil": True, "fastmath": fastmath, "forceinline": within, **counts}
 
 
 @kernel

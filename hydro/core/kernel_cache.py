@@ -26,7 +26,7 @@ from numba.core import caching
 from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
 
-COMPILING = "compiling kernels for this machine, about 25 s, only once"
+COMPILING = "compiling kernels for this machine, about 15 s, only once"
 """Notice before the first kernels are compiled."""
 SILENCE = 3.0
 """Longest time without a line during the first compilation [s]."""
@@ -187,7 +187,7 @@ def _announce_compilation(place: str) -> None:
         warnings.warn(COMPILING, HydroNotice, stacklevel=2)
 
 
-def _tell_compiled() -> None:
+def tell_compiled() -> None:
     """Count a compiled kernel, and print the count if the last line is older than SILENCE."""
     if _First.told is None:
         return
@@ -305,7 +305,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a compiled function, if the disk allows it."""
-        _tell_compiled()
+        tell_compiled()
         if not _Saving.works:
             return
         try:

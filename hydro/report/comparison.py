@@ -190,8 +190,11 @@ def _capital(text: str) -> str:
 
 
 def worst_place(comparison: pl.DataFrame) -> str:
-    """Return a sentence on the regime with the largest share of the error."""
-    place, share, time = failures(comparison).select("place", "error", "time").row(0)
+    """Return a sentence on the regime with the largest share of the error; empty where none is ranked."""
+    ranked = failures(comparison)
+    if ranked.is_empty():
+        return ""
+    place, share, time = ranked.select("place", "error", "time").row(0)
     return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained squared error in {time} of the time."
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.findings import HEADLINE, PREDICTION, Prediction
+from hydro.core.diagnosis.findings import HEADLINE, prediction_of
 from hydro.core.errors import listed
 from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
@@ -188,8 +188,7 @@ def next_step(sources: Sources) -> str:
     if not sources.diagnoses:
         return ""
     last = sources.diagnoses[-1]
-    errors = last.artefact.provenance.parameters.get(PREDICTION)
-    step = next_steps(last.frame, None if errors is None else Prediction(**errors))[0]
+    step = next_steps(last.frame, prediction_of(last.artefact.provenance.parameters))[0]
     if step.words == MEND:
         return f"Next: {step.words}."
     named = f", with `hydro add --effect {step.effects[0]}`" if step.effects and step.action == ADD else ""

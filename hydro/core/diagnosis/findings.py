@@ -134,6 +134,26 @@ class Prediction:
         return self.added != self.given and not self.falls
 
 
+def prediction_of(parameters: Mapping[str, Any]) -> Prediction | None:
+    """Return the prediction errors in the parameters of a diagnosis; None if it has none.
+
+    Args:
+        parameters: Parameters in the footer of its table.
+
+    Raises:
+        DataError: They are not those of `Prediction`.
+    """
+    if (stored := parameters.get(PREDICTION)) is None:
+        return None
+    try:
+        found = msgspec.convert(stored, Prediction)
+    except msgspec.ValidationError as error:
+        raise DataError(f"the footer's {PREDICTION}: {error}; diagnose again") from None
+    if wrong := [axis for axis, errors in found.axes.items() if len(errors) != 3]:
+        raise DataError(f"the footer's {PREDICTION}: {wrong[0]} needs three errors; diagnose again")
+    return found
+
+
 Kind = Literal["fault", "stated", "uncertain", "unexplained", "nothing"]
 """Overall result of a diagnosis.
 

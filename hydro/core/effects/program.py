@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import inlined_copy, jit, kernel, separate, within
+from hydro.core.compiled import inlined_copy, kernel, separate, within
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
     CATALOGUE,
@@ -254,13 +254,11 @@ def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> 
     return np.concatenate([header, constants_of(flat), table.ravel(), *packed, sea])
 
 
-@jit
 def constants_of(flat: Array) -> Array:
     """Return the constants `c` of a program, a view of shape (CONSTANTS,); see `core.effects.layout`."""
     return flat[HEADER : HEADER + layout.CONSTANTS]
 
 
-@jit
 def thrusters_of(flat: Array) -> Array:
     """Return the thruster table of a program, as a view of shape (n, COLUMNS)."""
     begin, count = int(flat[THRUSTER_TABLE]), int(flat[THRUSTER_COUNT])

@@ -29,7 +29,7 @@ from hydro.core.effects.program import (
 )
 from hydro.core.effects.record import Role
 from hydro.core.recording.arrays import Recording
-from hydro.core.simulation.dynamics import accelerate, propel
+from hydro.core.simulation.dynamics import respond
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_kernel
 from hydro.core.vehicle.thrusters import TIME_CONSTANT, lag_states
@@ -241,6 +241,4 @@ def _accelerate_along(
     for k in range(out.shape[0]):
         move(flat, eta[k], nu[k], t[k], s)
         heed(commands[k], s)
-        tau[:] = 0.0
-        propel(flat, s, rotors[k], tau)
-        accelerate(flat, s, memory[k], rates, tau, out[k])
+        respond(flat, s, rotors[k], memory[k], rates, tau, out[k])

@@ -84,12 +84,25 @@ class Answers(NamedTuple):
         ahead: Change of the initial internal states per unit of each parameter, (S, states, P).
         own: Initial internal states of the added effects, (S, all).
         out: Output: deviations per unit of the initial state and of each parameter, (S, K, 12, 12 + P).
+        wanted: Whether they are computed.
     """
 
     changes: Changes
     ahead: Array
     own: Array
     out: Array
+    wanted: bool
+
+    @classmethod
+    def none(cls, memory: Array) -> Answers:
+        """Return no responses, with the types of others, so that numba compiles `shoot` only once.
+
+        Args:
+            memory: Initial internal states, (S, states).
+        """
+        return cls.to_beginnings(memory, 1)._replace(
+            wanted=False
+        )  # a row, since numba sees none as contiguous
 
     @classmethod
     def to_beginnings(cls, memory: Array, rows: int) -> Answers:
@@ -103,7 +116,7 @@ class Answers(NamedTuple):
         """
         columns = np.empty((len(memory), rows, CHANNELS, CHANNELS + 1))
         ahead, own = np.zeros((*memory.shape, 0)), np.zeros((len(memory), 0))
-        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS])
+        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS], wanted=True)
 
 
 def places_of(shots: Shots, part: slice) -> Places:
@@ -248,7 +261,7 @@ def predict(
     places = places_of(shots, part)
     initial = prepared.initial_states(shots.first if first is None else first, part)
     out = np.empty((places.starts.size, shots.length, BODY))
-    shoot(prepared.model.program.flat, places, initial, out, None)
+    shoot(prepared.model.program.flat, places, initial, out, Answers.none(initial.memory))
     if prepared.model.log.any():
         clock = np.arange(shots.length) * shots.record.dt
         finite = np.nan_to_num(out[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
@@ -359,16 +372,15 @@ def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Ar
 
 
 @jit
-def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers | None) -> None:
-    """Predict shots; each responds to the commands of its own segment, also to those before its start.
+def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers) -> None:
+    """Predict shots; each responds to the commands of its own segment, those before its start included.
 
     Args:
-        flat: Compiled vehicle (`effects.program`).
-        places: Places of the S shots.
-        initial: Initial states of the shots.
-        out: Output: predicted state of the body in K rows of each shot, (S, K, 13); NaN after a row that is
-            not finite.
-        answers: Output: responses to changes; or None.
+        flat: The vehicle's program.
+        places: Places of the shots.
+        initial: Their initial states.
+        out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
+        answers: Output: responses to changes, if wanted.
     """
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are
     for m in range(places.starts.size):
@@ -379,8 +391,7 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         copy_kernel(initial.memory[m], motion.y[BODY:])
         resume(thrusters, course, at, places.resumed[m])
         copy_kernel(initial.rotors[m], thrusters.rotors[2])
-        if answers is None:
-            march(motion, thrusters, course, at, out[m], None, None)
-        else:
-            deviations = deviations_of(answers.changes, answers.ahead[m], answers.own[m], answers.out[m])
-            march(motion, thrusters, course, at, out[m], None, deviations)
+        deviations = deviations_of(
+            answers.changes, answers.ahead[m], answers.own[m], answers.out[m], answers.wanted
+        )
+        march(motion, thrusters, course, at, out[m], None, deviations)

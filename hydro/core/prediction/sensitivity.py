@@ -257,7 +257,7 @@ def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count:
     states = np.empty((places.starts.size, shots.length, BODY))
     columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
     ahead, own = np.ascontiguousarray(varied.ahead[part]), np.ascontiguousarray(varied.own[part])
-    answers = Answers(varied.changes, ahead, own, columns[..., :known])
+    answers = Answers(varied.changes, ahead, own, columns[..., :known], wanted=True)
     multiple_shooting.shoot(
         base.model.program.flat, places, base.initial_states(shots.first, part), states, answers
     )

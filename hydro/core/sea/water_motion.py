@@ -36,7 +36,7 @@ from hydro.core.prediction.candidate import (
     true_velocity,
 )
 from hydro.core.recording.arrays import Recording
-from hydro.core.simulation.dynamics import accelerate, propel
+from hydro.core.simulation.dynamics import respond
 
 FASTEST = 20.0
 """Bound of the water velocity on each axis [m/s]; forces that are far too large in a file would exceed it."""
@@ -113,15 +113,11 @@ def _follow(
             move(flat, eta[k], nu[k], t[k], s)
             heed(commands[k], s)
             body = s[ROTATION : ROTATION + 9]
-            tau[:] = 0.0
-            propel(flat, s, rotors[k], tau)
-            accelerate(flat, s, memory[k], rates, tau, calm)
+            respond(flat, s, rotors[k], memory[k], rates, tau, calm)
             for i in range(3):
                 for j in range(3):
                     s[RELATIVE_VELOCITY + i] -= body[3 * j + i] * out[k, j]
-            tau[:] = 0.0
-            propel(flat, s, rotors[k], tau)
-            accelerate(flat, s, memory[k], rates, tau, moved)
+            respond(flat, s, rotors[k], memory[k], rates, tau, moved)
             for i in range(3):
                 force[i] = left[k, i]
                 for j in range(6):

@@ -184,6 +184,17 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
     _turn_with_body(s, nu_dot)
 
 
+@separate
+def respond(flat: Array, s: Array, rotors: Array, x: Array, dx: Array, tau: Array, nu_dot: Array) -> None:
+    """Write the acceleration of CO over ground with the thrust of lag states `rotors` (n,).
+
+    Other arguments are those of `accelerate`; `tau` is overwritten.
+    """
+    tau[:] = 0.0
+    propel(flat, s, rotors, tau)
+    accelerate(flat, s, x, dx, tau, nu_dot)
+
+
 @kernel
 def _turn_with_body(s: Array, nu_dot: Array) -> None:
     """Convert nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0], with the current v_c in place.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import copy_kernel, jit, kernel, separate
+from hydro.core.compiled import copy_kernel, jit, kernel, separate, within
 from hydro.core.effects.layout import TIME
 from hydro.core.effects.program import heed, thrusters_of
 from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
@@ -64,14 +64,13 @@ class Course(NamedTuple):
     length: float
 
 
+_thrusters_of = jit(thrusters_of)
+
+
 @jit
 def at_rest(flat: Array) -> Thrusters:
-    """Return the state of the thrusters of a vehicle at rest.
-
-    Args:
-        flat: Compiled vehicle (`effects.program`).
-    """
-    table = thrusters_of(flat)
+    """Return the thrusters of a vehicle, at rest."""
+    table = _thrusters_of(flat)
     n = table.shape[0]
     upcoming = np.zeros(n, np.int64)
     return Thrusters(table, np.zeros(n), upcoming, np.ones(n), np.zeros((3, n)), np.zeros(2))
@@ -165,7 +164,7 @@ def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: fl
     return until
 
 
-@kernel
+@within
 def step(
     flat: Array,
     facets: Array,
@@ -197,7 +196,7 @@ def step(
     copy_kernel(y, trial)
     for stage in range(4):
         rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
-        if deviations is not None and stage == 1:
+        if deviations is not None and stage == 1 and deviations.carried:
             carry(flat, s, work, rotors[1], h, deviations)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
         ahead = h if stage == 2 else 0.5 * h
@@ -213,7 +212,7 @@ def step(
         y[i] /= norm
 
 
-@kernel
+@within
 def advance(
     motion: Motion,
     thrusters: Thrusters,
@@ -274,7 +273,7 @@ def march(
     y, t, last = motion.y, course.t, out.shape[0] - 1
     for k in range(last + 1):
         copy_kernel(y, out[k])
-        if deviations is not None:
+        if deviations is not None and deviations.carried:
             for i in range(DEVIATION):
                 copy_kernel(deviations.delta[i], deviations.out[k, i])
         total = 0.0  # not finite if any value is not
@@ -282,7 +281,7 @@ def march(
             total += y[i]
         if not math.isfinite(total):
             out[k + 1 :] = np.nan
-            if deviations is not None:
+            if deviations is not None and deviations.carried:
                 deviations.out[k:] = np.nan
             return k
         if pilot is not None:

@@ -87,7 +87,8 @@ class Deviations(NamedTuple):
         push: Workspace for df/dp without its rows of the pose, (6 + states, P).
         changed: Workspace for the rates of a changed state, (13 + states,).
         gone: Workspace for the wrench of removed effects, (6,).
-        out: Output: deviations at each of K rows, without internal states, (K, 12, 12 + P).
+        out: Output: (K, 12, 12 + P), row by row, without internal states.
+        carried: Whether they are carried along.
     """
 
     changes: Changes
@@ -99,6 +100,7 @@ class Deviations(NamedTuple):
     changed: Array
     gone: Array
     out: Array
+    carried: bool
 
 
 class Middle(NamedTuple):
@@ -126,14 +128,15 @@ class Middle(NamedTuple):
 
 
 @jit
-def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Deviations:
-    """Initialise deviations at the start of a motion.
+def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carried: bool) -> Deviations:
+    """Initialise deviations.
 
     Args:
-        changes: The P parameters.
-        ahead: Initial change of the internal states per unit of each parameter, (states, P).
-        own: Initial internal states of the added effects, (all,).
-        out: Output for the deviations at K rows, (K, 12, 12 + P).
+        changes: The parameters.
+        ahead: Change of the internal states per unit of each parameter, (states, P).
+        own: Internal states of added effects, (all,).
+        out: As in `Deviations`.
+        carried: As in `Deviations`.
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
@@ -147,7 +150,8 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
         np.zeros((size, size)),
         np.zeros((size - 6, total - DEVIATION)),
     )
-    return Deviations(changes, delta, every, middle, slope, push, np.zeros(size + 1), np.zeros(6), out)
+    changed, gone = np.zeros(size + 1), np.zeros(6)
+    return Deviations(changes, delta, every, middle, slope, push, changed, gone, out, carried)
 
 
 @separate

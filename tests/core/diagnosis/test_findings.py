@@ -6,7 +6,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence, tables
+from hydro.core.diagnosis.findings import (
+    Diagnosis,
+    Finding,
+    Prediction,
+    extended,
+    limited_confidence,
+    prediction_of,
+    tables,
+)
 from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
@@ -70,3 +78,31 @@ def test_new_tables_replace_effects_of_the_same_name(datasets):
     assert new.effects("linear_damping") == ({"name": "linear_damping", "matrix": matrix},)
     assert new.effects("ocean_current") == (CURRENT,)
     assert msgspec.structs.replace(new, effect=known.effect) == known
+
+
+STORED = {
+    "horizon": 5.0,
+    "given": 0.3,
+    "added": 0.1,
+    "spread": 0.01,
+    "floor": None,
+    "axes": {"u": [0.3, 0.1, 0.1]},
+}
+
+
+def test_prediction_errors_are_read_from_the_footer():
+    assert prediction_of({}) is None
+    assert prediction_of({"prediction": STORED}) == Prediction(**STORED)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"horizon": "5"}, {"axes": [0.3]}, {"axes": {"u": [0.3]}}, {"given": None}, {"spread": {}}]
+)
+def test_damaged_prediction_errors_are_refused(wrong):
+    with pytest.raises(DataError, match="diagnose again"):
+        prediction_of({"prediction": STORED | wrong})
+
+
+def test_prediction_errors_that_are_no_table_are_refused():
+    with pytest.raises(DataError, match="the footer's prediction"):
+        prediction_of({"prediction": 0.3})
