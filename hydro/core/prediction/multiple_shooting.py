@@ -373,13 +373,14 @@ def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Ar
 
 @jit
 def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers) -> None:
-    """Predict shots; each responds to the commands of its own segment, those before its start included.
+    """Predict shots; each responds to the commands of its own segment, also to those before its start.
 
     Args:
-        flat: The vehicle's program.
-        places: Places of the shots.
-        initial: Their initial states.
-        out: Output: predicted state of the body, (S, K, 13); NaN after a row that is not finite.
+        flat: Compiled vehicle (`effects.program`).
+        places: Places of the S shots.
+        initial: Initial states of the shots.
+        out: Output: predicted state of the body in K rows of each shot, (S, K, 13); NaN after a row that is
+            not finite.
         answers: Output: responses to changes, if wanted.
     """
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are

@@ -69,7 +69,11 @@ _thrusters_of = jit(thrusters_of)
 
 @jit
 def at_rest(flat: Array) -> Thrusters:
-    """Return the thrusters of a vehicle, at rest."""
+    """Return the state of the thrusters of a vehicle at rest.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+    """
     table = _thrusters_of(flat)
     n = table.shape[0]
     upcoming = np.zeros(n, np.int64)

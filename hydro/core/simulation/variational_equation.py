@@ -87,8 +87,8 @@ class Deviations(NamedTuple):
         push: Workspace for df/dp without its rows of the pose, (6 + states, P).
         changed: Workspace for the rates of a changed state, (13 + states,).
         gone: Workspace for the wrench of removed effects, (6,).
-        out: Output: (K, 12, 12 + P), row by row, without internal states.
-        carried: Whether they are carried along.
+        out: Output: deviations at each of K rows, without internal states, (K, 12, 12 + P).
+        carried: Whether the deviations are integrated.
     """
 
     changes: Changes
@@ -129,14 +129,14 @@ class Middle(NamedTuple):
 
 @jit
 def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carried: bool) -> Deviations:
-    """Initialise deviations.
+    """Initialise deviations at the start of a motion.
 
     Args:
-        changes: The parameters.
-        ahead: Change of the internal states per unit of each parameter, (states, P).
-        own: Internal states of added effects, (all,).
-        out: As in `Deviations`.
-        carried: As in `Deviations`.
+        changes: The P parameters.
+        ahead: Initial change of the internal states per unit of each parameter, (states, P).
+        own: Initial internal states of the added effects, (all,).
+        out: Output for the deviations at K rows, (K, 12, 12 + P).
+        carried: Whether the deviations are integrated.
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
