@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, TIME, VELOCITY
-from hydro.core.effects.program import assemble, constants_of, heed, relative_to_water, start, wrench
+from hydro.core.effects.program import HEADER, assemble, heed, relative_to_water, start, wrench
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation, rotation_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
@@ -106,7 +106,7 @@ def _inertia_along(
     flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], t: Array, out: Array
 ) -> None:
     """Subtract C_I(nu_r) nu_r + I [omega x R^T v_c; 0] from every row."""
-    inertia = constants_of(flat)[INERTIA : INERTIA + 36]
+    inertia = flat[HEADER + INERTIA : HEADER + INERTIA + 36]
     s, taken, carried = np.zeros(MOTION), np.zeros(6), np.zeros(3)
     nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
     for begin, end in segments:
