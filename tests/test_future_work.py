@@ -34,14 +34,16 @@ def of_method(part: str, case: str, method: str, seed: int, size: float) -> list
 def results(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     """Errors of four trainings and models in three cases, added one by one as the study does."""
     path = tmp_path_factory.mktemp("future") / "errors.parquet"
-    for part, case in (("memory", "no memory"), ("vehicles", "auv151"), ("recorded", "pool")):
+    for part, case in (("memory", "memory of 1 s"), ("vehicles", "auv151"), ("recorded", "pool")):
         for (method, seed), size in SIZES.items():
             Results(path, SCHEMA).add(*of_method(part, case, method, seed, size))
     return pl.read_parquet(path)
 
 
 def test_errors_are_means_over_seeds_with_intervals_over_blocks(results: pl.DataFrame) -> None:
-    rows = {row["model"]: row for row in tables.memory(results)}
+    made = tables.memory(results)
+    assert [row["water"] for row in made] == ["no memory"] * 3 + ["memory of 1 s"] * 3
+    rows = {row["model"]: row for row in made[3:]}
     assert list(rows) == [LEAST_SQUARES, BARE, "physfeat"]
     assert rows[BARE]["5 s, m/s"] == "4 [4 to 4]"
     middle = f"{np.sqrt((1.0 + 9.0) / 2.0):.3g}"

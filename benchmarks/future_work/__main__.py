@@ -22,7 +22,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.future_work.recordings import cases
-from benchmarks.future_work.study import SCHEMA, run
+from benchmarks.future_work.study import SCHEMA, SEEDS, Chosen, run
 from benchmarks.future_work.tables import keeps
 from benchmarks.work import Results
 
@@ -40,6 +40,8 @@ def main() -> None:
     one.add_argument("part", choices=PARTS)
     one.add_argument("--logs", type=Path, help="folder of the real recording, for part recorded")
     one.add_argument("--explained", type=Path, help="vehicle file of `hydro explain` for that recording")
+    one.add_argument("--seeds", type=int, default=SEEDS, help="trainings of each network")
+    one.add_argument("--as-given", action="store_true", help="train networks with the file's added mass")
     kept = commands.add_parser("keep", help="keep the tables in benchmarks/results")
     kept.add_argument("commit", help="commit of the measured code")
     for parser in (one, kept):
@@ -50,7 +52,7 @@ def main() -> None:
         keeps(results.table, chosen.commit)
         return
     for case in cases(chosen.part, chosen.logs, chosen.explained):
-        run(case, results)
+        run(case, results, Chosen(chosen.out, chosen.seeds, chosen.as_given))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from benchmarks.future_work.study import AHEAD, LEAST_SQUARES, SEQUENCE, WRENCHES
+from benchmarks.future_work.recordings import OWN, WITH_DRAG, WITH_MEMORY, WITHOUT
+from benchmarks.future_work.study import (
+    AHEAD,
+    AS_GIVEN,
+    BARE,
+    EXPLAINED,
+    GIVEN,
+    LEAST_SQUARES,
+    NETWORKS,
+    SEQUENCE,
+    WRENCHES,
+    ZERO,
+)
 from benchmarks.kept_tables import Row, keep, origin
 from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.evaluation.block_resampling import draws, interval
@@ -16,20 +28,29 @@ COMMAND = "python -m benchmarks.future_work run"
 REFERENCE = "physfeat"
 """Method that others are compared with in the table of fluid memory: the paper's best network."""
 STRAIGHT, TURNING = VELOCITY[:3], VELOCITY[3:]
+RUNAWAY = 1.0
+"""Root mean square error above which a prediction has run away [m/s]: three times the fastest real motion."""
 JUDGED = ("u", "v", "w", "r")
 """Axes of the real vehicle that its controller drives."""
+
+
+ORDER = (
+    *(ZERO, LEAST_SQUARES, BARE, GIVEN, OWN, WITH_DRAG, WITH_MEMORY, EXPLAINED),
+    *(f"{name}{kind}" for kind in ("", AS_GIVEN) for name in NETWORKS),
+)
+"""Order of the methods in the tables: baselines, fitted effects, networks."""
 
 
 class Errors:
     """Errors of one case by measure and method.
 
     Attributes:
-        methods: Names of the methods, in the order of the study.
+        methods: Names of the methods, in ORDER.
     """
 
     def __init__(self, rows: pl.DataFrame) -> None:
         self.rows = rows
-        self.methods: list[str] = rows["method"].unique(maintain_order=True).to_list()
+        self.methods = sorted(rows["method"].unique().to_list(), key=ORDER.index)
 
     def seeds(self, method: str) -> list[int]:
         """Return the seeds of a method: -1 alone for one without seeds."""
@@ -71,6 +92,12 @@ class Errors:
         single = [root(self.sums(method, measure, axes, seed).sum(axis=0)) for seed in seeds]
         return f"{whole} ({min(single):.{digits}g} to {max(single):.{digits}g})"
 
+    def runaways(self, method: str) -> str:
+        """Return how many predictions of all seeds have an error above RUNAWAY in surge, sway or heave."""
+        rows = self.rows.filter(pl.col("axis").is_in(STRAIGHT), method=method, measure=AHEAD)
+        each = rows.group_by("seed", "block").agg((pl.col("squares") / pl.col("number")).max())
+        return f"{(each['squares'].sqrt() > RUNAWAY).sum()} of {each.height}"
+
     def mean_absolute(self, method: str) -> str:
         """Return the mean absolute error of the wrench over all axes."""
         if (sums := self.sums(method, WRENCHES, WRENCH)) is None:
@@ -105,7 +132,9 @@ def of_cases(results: pl.DataFrame, part: str) -> list[tuple[str, Errors]]:
 
 
 def memory(results: pl.DataFrame) -> list[Row]:
-    """Return the table of fluid memory."""
+    """Return the table of fluid memory; the vehicle without it is a case of part `vehicles`."""
+    without = results.filter(part="vehicles", case=WITHOUT)
+    cases = [("no memory", Errors(without)), *of_cases(results, "memory")]
     return [
         {
             "water": case,
@@ -116,7 +145,7 @@ def memory(results: pl.DataFrame) -> list[Row]:
             f"5 s, m/s, relative to {REFERENCE}": errors.ratio(method, REFERENCE, AHEAD, STRAIGHT),
             "90 s, m/s (seeds)": errors.range(method, SEQUENCE, STRAIGHT),
         }
-        for case, errors in of_cases(results, "memory")
+        for case, errors in cases
         for method in errors.methods
     ]
 
@@ -158,6 +187,7 @@ def recorded(results: pl.DataFrame) -> list[Row]:
         {
             "model": method,
             **{axis: errors.error(method, AHEAD, [axis]) for axis in JUDGED},
+            "ran away": errors.runaways(method),
             "u, v, w relative to least squares": errors.ratio(method, LEAST_SQUARES, AHEAD, STRAIGHT),
             "r relative to least squares": errors.ratio(method, LEAST_SQUARES, AHEAD, ["r"]),
         }
@@ -177,9 +207,9 @@ TABLES = {
 
 def keeps(results: pl.DataFrame, commit: str) -> None:
     """Keep the tables of the parts that have results."""
-    seeds = results.filter(pl.col("seed") >= 0).select("seed")
     for name, (part, rows) in TABLES.items():
-        if made := rows(results):
+        seeds = results.filter(pl.col("seed") >= 0, part=part).select("seed")
+        if not seeds.is_empty():
             logs = " --logs FOLDER" if part == "recorded" else ""
             where = origin(seeds, f"{COMMAND} {part}{logs} -o future", commit)
-            keep(name, [row | where for row in made])
+            keep(name, [row | where for row in rows(results)])
