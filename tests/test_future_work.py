@@ -15,7 +15,7 @@ from benchmarks.work import Results
 from hydro.core.columns import VELOCITY, WRENCH
 
 BLOCKS, NUMBER = 12, 50
-SIZES = {(LEAST_SQUARES, -1): 2.0, (BARE, -1): 4.0, ("physfeat", 0): 1.0, ("physfeat", 1): 3.0}
+SIZES = {(LEAST_SQUARES, -1): 2.0, (BARE, -1): 4.0, ("mlp", 0): 1.0, ("mlp", 1): 3.0}
 """Root mean square error of each method and seed; it is the same in all blocks and on all axes."""
 
 
@@ -44,13 +44,13 @@ def test_errors_are_means_over_seeds_with_intervals_over_blocks(results: pl.Data
     made = tables.memory(results)
     assert [row["water"] for row in made] == ["no memory"] * 3 + ["memory of 1 s"] * 3
     rows = {row["model"]: row for row in made[3:]}
-    assert list(rows) == [LEAST_SQUARES, BARE, "physfeat"]
+    assert list(rows) == [LEAST_SQUARES, BARE, "mlp"]
     assert rows[BARE]["5 s, m/s"] == "4 [4 to 4]"
     middle = f"{np.sqrt((1.0 + 9.0) / 2.0):.3g}"
-    assert rows["physfeat"]["5 s, m/s"] == f"{middle} [{middle} to {middle}]"
-    assert rows["physfeat"]["90 s, m/s (seeds)"] == f"{middle} (1 to 3)"
-    assert rows[BARE]["5 s, m/s, relative to physfeat"] == "1.79 [1.79 to 1.79]"
-    assert rows["physfeat"]["5 s, m/s, relative to physfeat"] == ""
+    assert rows["mlp"]["5 s, m/s"] == f"{middle} [{middle} to {middle}]"
+    assert rows["mlp"]["90 s, m/s (seeds)"] == f"{middle} (1 to 3)"
+    assert rows[BARE]["5 s, m/s, relative to mlp"] == "1.79 [1.79 to 1.79]"
+    assert rows["mlp"]["5 s, m/s, relative to mlp"] == ""
     assert rows[LEAST_SQUARES]["wrench, N and N m"] == ""
 
 
@@ -63,8 +63,12 @@ def test_an_interval_widens_with_the_differences_of_blocks(results: pl.DataFrame
     assert errors.error(BARE, AHEAD, ["u"]).startswith("4 ")
 
 
+def test_numbers_have_no_exponent() -> None:
+    assert [tables.rounded(number, 2) for number in (104.2, 0.01234, 2.0)] == ["100", "0.012", "2"]
+
+
 def test_the_paper_s_tables_have_every_model_that_they_can(results: pl.DataFrame) -> None:
-    assert [row["model"] for row in tables.wrenches(results)] == [BARE, "physfeat"]
+    assert [row["model"] for row in tables.wrenches(results)] == [BARE, "mlp"]
     assert tables.wrenches(results)[0]["MAE"] == "4"
     assert [row["u"] for row in tables.replays(results)] == ["2", "4", "2.2 (1 to 3)"]
     real = tables.recorded(results)
