@@ -218,5 +218,6 @@ def keeps(results: pl.DataFrame, commit: str) -> None:
         seeds = results.filter(pl.col("seed") >= 0, part=part).select("seed")
         if not seeds.is_empty():
             logs = " --logs FOLDER" if part == "recorded" else ""
-            where = origin(seeds, f"{COMMAND} {part}{logs} -o future", commit)
+            count = seeds["seed"].n_unique()
+            where = origin(seeds, f"{COMMAND} {part}{logs} --seeds {count} -o future", commit)
             keep(name, [row | where for row in rows(results)])
