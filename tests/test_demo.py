@@ -51,7 +51,7 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert added["g"][2] == pytest.approx(-0.4, abs=2.0 * added["standard_error"]["g"][2])
     readme = (ROOT / "README.md").read_text()
     row = r"^  (\w+) \[(?:m|rad)/s\] +((?:[\d.]+ *)+)$"
-    title = "Error 5 s ahead  before   after"
+    title = "Error 5 s ahead  as given  corrected"
     rows, found = (dict(re.findall(row, text.split(title)[1], re.MULTILINE)) for text in (readme, told))
     assert list(rows) == [*"uvwpqr", "all"]
     for axis, numbers in rows.items():

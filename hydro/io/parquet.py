@@ -84,7 +84,15 @@ def stored_as(arrow: pa.DataType) -> str:
 
 
 def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
-    """Return all rows as a polars table; its memory is shared with Arrow where it is contiguous."""
+    """Return all rows as a polars table, without a copy of columns that Arrow holds in one piece.
+
+    Args:
+        file: Open Parquet file.
+        name: Name of the file, for messages.
+
+    Raises:
+        DataError: The file is damaged, or a column contains text that is not UTF-8.
+    """
     try:
         arrow = file.read()
     except (pa.ArrowException, OSError) as error:

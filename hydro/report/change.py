@@ -6,6 +6,7 @@ file does not explain.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -75,9 +76,9 @@ def learnt(before: Mapping[str, Any]) -> str:
     if not describes(before["given"], before["left"]):
         fails = " The model does not describe the vehicle, so no change is certain: improve the file first."
     return (
-        f"On the earlier recording ({before['recording']}), the squared error of short predictions by the "
-        f"file is {words.figure(before['given'])} times that due to noise; {model}, it is "
-        f"{words.figure(before['left'])} times. A change that adds less error than that cannot be "
+        f"On the earlier recording ({before['recording']}), the error of short predictions by the file is "
+        f"{words.figure(math.sqrt(before['given']))} times that due to noise; {model}, it is "
+        f"{words.figure(math.sqrt(before['left']))} times. A change that adds less error than that cannot be "
         f"found.{fails}"
     )
 
@@ -99,9 +100,10 @@ def left(chi2: tuple[float, ...]) -> str:
         chi2: Mean squared residuals of the diagnosis: first of the vehicle file as given, last with the
             findings added, in units of the mean squared residual of the hull-force model.
     """
-    found = f", and {chi2[-1]:.3g} times with the findings added" if chi2[-1] != chi2[0] else ""
+    first, last = math.sqrt(chi2[0]), math.sqrt(chi2[-1])
+    found = f", and {last:.3g} times with the findings added" if last != first else ""
     return (
-        f"On the later recording, the squared error with this model is {chi2[0]:.3g} times that on the "
+        f"On the later recording, the error with this model is {first:.3g} times that on the "
         f"earlier one{found}; 1 means that nothing else has changed."
     )
 

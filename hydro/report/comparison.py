@@ -108,7 +108,7 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
     yield EMPTY
     yield Text("Where it fails most (share of the squared force error above the noise floor):", bold=True)
     for told, (number, count) in zip(ranked.to_dicts(), shares.rows(), strict=False):
-        even = ": no worse than average" if is_even(number, count / rows) else ""
+        even = ", so not concentrated there" if is_even(number, count / rows) else ""
         where = f"{told['place'][:1].upper()}{told['place'][1:]}"
         yield Text(f"{where}: {told['error']} in {told['time']} of the time{even}.", indent=2)
 

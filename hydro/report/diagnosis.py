@@ -182,7 +182,7 @@ def _has_block(row: Mapping[str, Any]) -> bool:
 def errors(known: Prediction) -> Iterator[Text]:
     """Yield the prediction errors as a table, one row per axis: as given, with the findings, noise floor."""
     after, floor = known.added != known.given, known.floor is not None
-    names = ["before", "after"] if after else ["error"]
+    names = ["as given", "corrected"] if after else ["error"]
     rows = [(axis, UNITS[axis], each) for axis, each in known.axes.items()]
     rows.append(("all", "m/s", [known.given, known.added, known.floor]))
     header = [f"Error {known.horizon:g} s ahead", *names, *(["noise floor"] if floor else [])]
@@ -195,7 +195,7 @@ def errors(known: Prediction) -> Iterator[Text]:
     )
     if after:
         helps = " This does not lower the error, so hydro add refuses it." if known.refuted else ""
-        yield Text(f"after: with the findings, on stretches left out of fits{_above(known)}.{helps}")
+        yield Text(f"Errors on stretches left out of the fits{_above(known)}.{helps}")
 
 
 def _above(known: Prediction) -> str:
@@ -203,7 +203,10 @@ def _above(known: Prediction) -> str:
     if not known.floor:
         return ""
     times = known.added / known.floor
-    return "; at the noise floor" if times <= words.AT_FLOOR else f"; {words.figure(times)} times the floor"
+    place = (
+        "at the noise floor" if times <= words.AT_FLOOR else f"{words.figure(times)} times the noise floor"
+    )
+    return f"; all axes together: {place}"
 
 
 def _columns(after: bool, floor: bool) -> list[int]:
@@ -281,7 +284,7 @@ def facts(row: Mapping[str, Any]) -> str:
         return f"{told}; this log does not tell which{sure}."
     if rivals:
         return f"{told}; {listed(rivals)} {'fits' if len(rivals) == 1 else 'fit'} as well."
-    return f"{told}; no rival is close." if row["verdict"] == "missing" else f"{told}."
+    return f"{told}; no other effect is close." if row["verdict"] == "missing" else f"{told}."
 
 
 def _share(row: Mapping[str, Any]) -> str:

@@ -118,7 +118,7 @@ def errors(study: Outcome) -> Iterator[Text]:
     )
     both = study.chosen.number > 0
     simple = column(LEAST_SQUARES)
-    names = [*(["before", "after"] if both else ["error"]), "noise floor"]
+    names = [*(["as given", "corrected"] if both else ["error"]), "noise floor"]
     has_simple = simple in rows.columns and rows[simple].count() > 0
     header = [f"Error {HORIZON:g} s ahead", *names, *([LEAST_SQUARES] if has_simple else [])]
     body = []
@@ -131,7 +131,7 @@ def errors(study: Outcome) -> Iterator[Text]:
     if both:
         where = WHERE[dataset]
         where = f"{where[:1].upper()}{where[1:]}"
-        yield Text(f"{where}; before: the file as given, after: step {study.chosen.number}.")
+        yield Text(f"{where}; corrected: the file of step {study.chosen.number}.")
 
 
 def _steps(study: Outcome) -> Iterator[Text]:

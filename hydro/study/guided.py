@@ -38,7 +38,7 @@ class Places:
 
     @property
     def report(self) -> Path:
-        """The report."""
+        """Path of the HTML report in the folder of the study, whether it exists or not."""
         return self.folder / "report.html"
 
     @property

@@ -260,12 +260,13 @@ def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
 def fitted_or_kept(
     vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = STEP_SHARE
 ) -> tuple[Model, bool]:
-    """Fit to convergence, or keep the vehicle's values if that diverges; return whether it converged.
+    """Return the vehicle with the parameters of some effects fitted to convergence, and True.
 
-    For the arguments see `fit_model`.
+    If the fit diverges, return the model with the vehicle's present values, and False.  For the arguments see
+    `fit_model`.
 
     Raises:
-        Diverges: The vehicle with its present values diverges too.
+        Diverges: The predictions diverge with the present values too.
     """
     try:
         return fit_model(vehicle, effects, problem, reach, ITERATIONS, share), True

@@ -220,10 +220,15 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return the weight of a payload at the centre of buoyancy, and the offset of buoyancy with its moment.
+    """Return two simpler effects that may explain the same log as a payload.
 
-    The first approximates a payload without mass close to that centre, the second one without weight and
-    mass.
+    The first is a net buoyancy [N] of the payload's weight, for a payload without mass at the centre of
+    buoyancy.  The second is a shift of the centre of buoyancy, in body axes [m], with the payload's moment
+    and no weight.
+
+    Args:
+        table: The payload's parameters: weight in water `w` [N], and its place `x`, `y`, `z` [m].
+        vehicle: Vehicle file with the buoyancy.
     """
     weight, lift = table.get("w", 0.0), max(vehicle.buoyancy.force, 1.0)
     shift = {f"d{axis}": -weight * table.get(axis, 0.0) / lift for axis in "xyz"}

@@ -54,8 +54,8 @@ class Pieces:
 
     Attributes:
         starts: First row of each piece, (P,).
-        block: Block of each piece, (P,); blocks never reach across a gap.
-        segment: Segment of each piece, (P,).
+        block: Index of the block that holds each piece, (P,); a block lies within one segment.
+        segment: Index of the segment, the rows between two gaps, that holds each piece, (P,).
     """
 
     starts: Rows

@@ -77,7 +77,10 @@ class Step:
 
     @property
     def left_out(self) -> float | None:
-        """Error of held-out stretches [m/s]; None where other data decide which step to use."""
+        """Root mean square error of velocity on stretches that this step's fit left out [m/s].
+
+        All axes are combined into one speed.  It is None if another recording decides which step to use.
+        """
         row = self.ladder.filter(axis=LEFT_OUT)
         return None if row.is_empty() else float(row["rmse"][0])
 

@@ -48,17 +48,20 @@ class Scene(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """End conditions of an episode.
+    """End of an episode, and the limits of success.
+
+    A task that arrives succeeds and ends at the first step within all limits, and fails after `steps` steps.
+    A task that holds or follows runs for `steps` steps, and succeeds if the root mean square distance to the
+    target is at most `radius`.
 
     Attributes:
         steps: Greatest number of control steps.
-        radius: Greatest distance to the goal [m].
-        tilt: Greatest angle between the attitude and level with the bow to the north [rad].
+        radius: Greatest distance to the goal or target [m].
+        tilt: Greatest angle of rotation from roll, pitch and yaw of zero [rad].
         speed: Greatest speed over ground [m/s].
         turning: Greatest angular velocity [rad/s].
-        settling: For tasks that hold or follow: steps after which the error counts.  The episode runs to its
-            end and succeeds if the root mean square error is at most `radius`.  Below 0 for tasks that
-            arrive: the first step within all limits ends the episode.
+        settling: Number of first steps whose distance does not count in a task that holds or follows; below 0
+            in a task that arrives.
     """
 
     steps: float

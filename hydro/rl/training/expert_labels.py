@@ -69,14 +69,18 @@ class ExpertLabels:
             yield seen[row], done[row]
 
     def state(self) -> list[Any]:
-        """Return the complete state, packed."""
+        """Return the observations and actions of each task and level as a list for a checkpoint."""
         return [
             [task, level, pack({"observation": seen, "action": done})]
             for (task, level), (seen, done) in self._labels.items()
         ]
 
     def restore(self, state: list[Any]) -> None:
-        """Restore a `state`."""
+        """Replace all labels by those in a list that `state` returned.
+
+        Args:
+            state: Task, level, and packed observations and actions of each level.
+        """
         self._labels = {}
         for task, level, packed in state:
             found = unpack(packed)

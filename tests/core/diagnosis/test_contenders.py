@@ -134,10 +134,10 @@ def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkey
 
 @pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])
 def test_components_that_a_recording_hardly_separates_share_no_step(whole, kept):
-    costs = {(0, 1, 2): whole, (1, 2): 6.0, (0, 2): 1.0, (0, 1): 1.1, (0,): 2.0, (2,): 3.0}
+    costs = {(): 10.0, (0,): 2.0, (1,): 6.0, (2,): 3.0, (0, 1): 1.1, (0, 2): 1.0, (0, 1, 2): whole}
     compared = SimpleNamespace(left_out=lambda columns: np.array([costs[columns]]))
     normal = SimpleNamespace(of=tuple)
-    assert contenders._separable(cast(Any, compared), cast(Any, normal), [0, 1, 2]) == kept
+    assert contenders._needed(cast(Any, compared), cast(Any, normal), [0, 1, 2]) == kept
 
 
 def _absorbs(name: str) -> float:
