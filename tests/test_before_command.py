@@ -79,7 +79,7 @@ def test_compare_prints_errors_and_floor_axis_by_axis(capsys) -> None:
         assert run(*line, "-o", f"{name}-compared.parquet") == 0
         found[name] = table.read(f"{name}-compared.parquet", "comparison")
     told = capsys.readouterr().err
-    assert "On the earlier recording (earlier), the squared error" in told
+    assert "On the earlier recording (earlier), the error" in told
     unchanged, changed = times(found["same"].frame), times(found["after"].frame)
     assert max(unchanged.values()) < 1.5, "a hull alike in both recordings leaves what it left"
     most = max(changed, key=lambda axis: changed[axis])

@@ -284,7 +284,7 @@ def facts(row: Mapping[str, Any]) -> str:
         return f"{told}; this log does not tell which{sure}."
     if rivals:
         return f"{told}; {listed(rivals)} {'fits' if len(rivals) == 1 else 'fit'} as well."
-    return f"{told}; no other effect is close." if row["verdict"] == "missing" else f"{told}."
+    return f"{told}; no other is close." if row["verdict"] == "missing" else f"{told}."
 
 
 def _share(row: Mapping[str, Any]) -> str:
