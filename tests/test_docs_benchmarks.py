@@ -107,7 +107,10 @@ def test_the_readme_quotes_hidden_effects() -> None:
         for number in ("one", "two", "three")
     ]
     _, _, result, reference = shown("own simulator and a second one")
-    assert result.split("; ")[0] == ", ".join(exactly)
+    names = ("one", "two", "three")
+    assert result.split("; ")[0] == ", ".join(
+        f"{name}: {count}" for name, count in zip(names, exactly, strict=True)
+    )
     oracle = cell("hidden_effects", "shown", hidden="held-out error").split("median ratio ")[1]
     assert result.split("; ")[1] == f"median held-out error {oracle} times that of the true model"
     assert reference == "true model: 1"
@@ -118,7 +121,7 @@ def test_the_readme_quotes_imperfect_hulls() -> None:
     _, _, result, baseline = shown("simulated hulls that no formula fits exactly")
     assert result == with_share(total("named first", *plain))
     bic = with_share(total("named first", "regression with BIC")).replace("of", "of the first")
-    assert baseline == f"regression with BIC: {bic}"
+    assert baseline == f"regression, terms chosen by BIC: {bic}"
     before = tuple(f"`hydro diagnose --before`, 720 s, {which}" for which in ("latest code", "other seeds"))
     assert shown("the same, with 12 minutes")[2] == total("named first", *before)
     wrong = total("stated wrongly", *before).split(" of ")[0]
@@ -127,9 +130,12 @@ def test_the_readme_quotes_imperfect_hulls() -> None:
     alarms, studies = re.findall(r"\d+", cell("hidden_effects", "shown", hidden="nothing"))[:2]
     nothing = tuple(f"the same, nothing changed, {which}" for which in ("latest code", "other seeds"))
     column = "alarm, nothing hidden"
-    _, _, result, baseline = shown("tests of the first three rows, with nothing")
-    assert result == f"{alarms} of {studies}, {total(column, plain[0])}, {total(column, *nothing)}"
-    assert baseline == f"regression with BIC: {total(column, 'regression with BIC')}"
+    _, _, result, baseline = shown("the same simulators, nothing hidden")
+    assert result == (
+        f"exact formulas: {alarms} of {studies}; hulls: {total(column, plain[0])}; "
+        f"hulls with 12 minutes from before: {total(column, *nothing)}"
+    )
+    assert baseline == f"regression on the hulls: {total(column, 'regression with BIC')}"
 
 
 def test_the_readme_quotes_the_simulator_apart() -> None:

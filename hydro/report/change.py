@@ -165,7 +165,7 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
             told = [f"{rmse:.2f} {f'with {effect}' if effect else 'as given'}" for rmse, effect in steps]
             yield (
                 f"Error on {label}, divided by that of the hull-force model on the earlier recording "
-                f"(1: no change is left): {', '.join(told)}."
+                f"(about 1: no change is left): {', '.join(told)}."
             )
 
 

@@ -292,7 +292,7 @@ def _share(row: Mapping[str, Any]) -> str:
     low, high = row["share_low"], row["share_high"]
     told = words.percent(row["share_of_error_explained"])
     if row["verdict"] == "retune" and low is None:
-        return f"The file's values cause {told} of the squared error of the file as given"
+        return f"The file's old values cause {told} of its squared error"
     if low is not None and high is not None and (interval := words.between(low, high)) != told:
         told = f"{told} ({interval})"
     if row["verdict"] in STATED:

@@ -118,7 +118,7 @@ def test_a_finding_has_its_confidence_share_rivals_and_one_command():
 def test_shares_of_several_findings_need_not_sum_to_one():
     changed = replace(missing("quadratic_damping", low=math.nan, high=math.nan), verdict="retune")
     text = " ".join(answer([missing("thruster_gain"), changed]).split())
-    assert "The file's values cause 60 % of the squared error of the file as given." in text
+    assert "The file's old values cause 60 % of its squared error." in text
     assert text.count("need not sum to 100 %") == 1
     assert "need not sum" not in answer([])
 
