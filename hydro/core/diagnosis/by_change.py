@@ -189,7 +189,7 @@ class ByChange:
             found += [_finding(change, first.vehicle, fit, dt, given, left, most) for change in changes.found]
         words = (
             f"no {'further ' * self.further}change stands out from the error of the hull-force model: the "
-            f"squared error is {given:.3g} times that before the change, and no effect clearly lowers it"
+            f"error is {np.sqrt(given):.3g} times that before the change, and no effect clearly lowers it"
         )
         return found or [Finding("nothing_missing", advice=words)]
 
