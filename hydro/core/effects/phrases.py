@@ -166,7 +166,8 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
     if brief:
         count = len(clear) - 1
-        others = f"; {count} more value{'s' * (count > 1)} change{'s' * (count == 1)}" if count else ""
+        numbered = f"{count} more value{'s' * (count > 1)} of {noun} change{'s' * (count == 1)}"
+        others = f"; {numbered}" if count else ""
         return f"{capital(against_file(clear[0], first=True))}{others}."
 
     def render(count: int, whole: bool) -> str:
