@@ -22,7 +22,11 @@ UNSEEN = "not_excited"
 
 
 def show(bench: Bench) -> None:
-    """Make the panel."""
+    """Build the panel of step 3 of the workbench: diagnose, and look at the findings and their forces.
+
+    Args:
+        bench: State and actions of the tab.
+    """
     session = bench.session
     if begun(bench, "Learn which effects are missing") is None:
         return

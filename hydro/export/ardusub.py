@@ -124,7 +124,7 @@ class Counts:
     unanswered: int = 0
 
     def words(self) -> str:
-        """Return the counts in one line."""
+        """Return one line with the numbers of frames, of dropped packets and of restarts."""
         rare = {"frames of other clients dropped": self.others, "not answered": self.unanswered}
         return ", ".join(
             [

@@ -59,15 +59,16 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
 
 
 def change_frequency(normal: Normal, entries: Sequence[int], change: Array, seed: int = 0) -> float:
-    """Return the share of the resamples in which changed values of one effect win over the file's.
+    """Return the share of resamples in which the changed values of an effect leave a smaller penalised error.
 
-    Where the effect keeps the file's values, all other parameters move to their best values.
+    They are compared with the file's values of the effect, next to which all other parameters move to their
+    best values once, for all resamples.  A resample gives the shots random weights.
 
     Args:
-        normal: Joint fit, with the changed values.
-        entries: Parameters of the effect.
+        normal: Joint fit, linearised at the changed values.
+        entries: Indices of the parameters of the effect.
         change: Change from the file's values, in units of the parameters, (len(entries),).
-        seed: Seed of the weights.
+        seed: Seed of the random weights of the shots.
     """
     count, own = normal.gram.shape[1] - 1, np.array(entries)
     others = np.setdiff1d(np.arange(count), own)

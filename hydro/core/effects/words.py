@@ -35,7 +35,15 @@ def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def a_heading_off(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark on a DVL rotated in yaw alone: v rotated by alpha, or psi by -alpha, are equivalent."""
+    """Return a remark if a DVL is rotated in yaw alone, which a wrong heading explains as well; else None.
+
+    A log cannot separate a DVL that is turned by an angle in yaw from a heading that is off by minus that
+    angle.
+
+    Args:
+        parameters: Parameters of the finding, with the angles `alpha` of the DVL, (3,) [rad].
+        dt: Sample time [s]; not used.
+    """
     roll, pitch, yaw = (float(angle) for angle in parameters["alpha"])
     if abs(yaw) < ALONE * max(abs(roll), abs(pitch)):
         return None

@@ -118,10 +118,13 @@ def chosen(text: str, fleet: Sequence[Preset], thrusters: int) -> Choice:
 
 
 def hull_of(text: str) -> Hull:
-    """Parse a hull from four or five numbers.
+    """Return the hull that a text describes: mass [kg], length, width, height [m], and perhaps thrust [N].
+
+    Args:
+        text: Four or five numbers in this order, separated by blanks or commas: "11.5 0.46 0.34 0.25".
 
     Raises:
-        DataError: The text is something else.
+        DataError: The text is not four or five numbers above 0.
     """
     try:
         numbers = [float(word) for word in text.replace(",", " ").split()]

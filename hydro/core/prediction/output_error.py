@@ -204,12 +204,13 @@ def in_waves(shots: Shots, model: Candidate) -> Shots:
 def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputError]:
     """Return initial values of the components for an output-error fit, and the problem at these values.
 
-    They are the results of an equation-error fit, unless their motion diverges.  If samples do not cover all
-    of the motion, equation error uses filled channels; then those of all candidates with the best prediction
-    are taken.
+    The initial values are the results of an equation-error fit, or if the motion diverges with them, the
+    first of the components' own initial values with which it does not.  Where samples do not cover all of the
+    motion, equation error uses filled channels; then all of these candidates are tried, and that with the
+    smallest prediction error is taken.
 
     Args:
-        unknown: P free components of a vehicle; their own initial values are candidates too.
+        unknown: P free components of a vehicle, with their own initial values.
         values: Result of the equation-error fit, (P,).
         shots: Shots of the recording.
 

@@ -39,7 +39,13 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
 
 
 def unshown(seen: Mask) -> Mask:
-    """Return which channels of a segment neither samples (N, 12) nor slopes of the pose show, (12,)."""
+    """Return which of the 12 channels of pose and velocity cannot be known in a segment, (12,).
+
+    These channels have no samples there, and are no velocities that follow from a sampled pose.
+
+    Args:
+        seen: Whether each row has a sample of each channel, (N, 12).
+    """
     never: Mask = np.logical_not(seen.any(axis=0))
     tilted = never[ANGLES].any()
     never[6:9] &= tilted or never[:3].any()
