@@ -17,7 +17,7 @@ from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from torchrl.envs.utils import check_env_specs
 
 import hydro.rl
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError, HydroNotice, UsageError
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.environments import Encoded, FleetConfig, Single, make_fleet, single_spaces
 from hydro.rl.environment.observation import ENCODING
@@ -36,6 +36,7 @@ def test_actions_are_demands_of_either_sign_up_to_their_limit():
 def test_gymnasiums_checker_is_content(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", HydroNotice)  # the first use of a kernel compiles it
         check_env(gymnasium.make(f"hydro/{name}").unwrapped, skip_render_check=True)
 
 
