@@ -115,8 +115,8 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
         comparison: Comparison table.
 
     Returns:
-        `axis`; errors of the file alone, before and after; errors with the hull-force model, before and
-        after; and `ratio`, that of the last two.
+        `axis`; prediction errors of the vehicle file alone, before and after the change; errors with the
+        hull-force model, before and after; and `ratio`, the last divided by the one before.
     """
     rows = comparison.filter(level=LEVEL)
     table = rows.filter(pl.col("axis") != FLOOR).select("axis", "unit").unique(maintain_order=True)

@@ -23,7 +23,7 @@ A smaller difference needs a longer run; the advice then gives its duration.
 
 
 def separating(members: Sequence[str], flight: Flight | None = None) -> str:
-    """Return the manoeuvre that separates effects which explain a recording equally well.
+    """Return the advice, in words, which motion separates effects that explain a recording equally well.
 
     Args:
         members: Names of the tied effects.

@@ -58,7 +58,7 @@ class Rival:
 
     @classmethod
     def of(cls, name: str, unknown: Free, values: Array, normal: Normal) -> Rival:
-        """Return the rival model of a fit.
+        """Return a fitted model as one of the models between which an experiment is to decide.
 
         The fit's information matrix is divided by its mean squared residual if that exceeds 1.
 
