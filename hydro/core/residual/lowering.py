@@ -126,7 +126,7 @@ class Writer:
         return tensor
 
     def place(self, length: int) -> Place:
-        """Reserve a block of `length` values at the start of a cache line, and return its place in the workspace."""
+        """Return the place of a new block of `length` values in the workspace, at the start of a cache line."""
         found = Place(_line_after(self.room), length)
         self.room = found.at + length
         return found
