@@ -126,7 +126,7 @@ class Writer:
         return tensor
 
     def place(self, length: int) -> Place:
-        """Return the place of a new block of `length` values in the workspace, at the start of a cache line."""
+        """Reserve `length` values of the workspace at the start of a cache line, and return their place."""
         found = Place(_line_after(self.room), length)
         self.room = found.at + length
         return found
