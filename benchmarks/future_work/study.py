@@ -99,8 +99,8 @@ class Measured:
         """Return the errors of a wrench.
 
         Args:
-            labels: Labels of the held-out sessions; without a prediction they are what a model leaves.
-            predicted: A network's prediction of these labels, (N, 6).
+            labels: Labels of the held-out sessions, or the residual wrench of a model.
+            predicted: A network's prediction of these labels, (N, 6); None for a residual.
         """
         error = labels.select(f"{axis}_res" for axis in WRENCH).drop_nulls().to_numpy().astype(float)
         error = error - (0.0 if predicted is None else predicted)

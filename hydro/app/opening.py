@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +33,7 @@ from hydro.io import covariance, mapdraft, recordings, table
 from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled, write_bytes
 from hydro.io.log import opened
+from hydro.io.log_files import texts_of
 from hydro.io.map_proposal import corrected, proposed
 from hydro.io.table import Artefact
 
@@ -269,21 +270,9 @@ def correct_map(
 
 def unrecognised(found: Proposed) -> list[str]:
     """Return the sensors that a map lacks although the log has unused columns that may hold one of them."""
-    used = {name for block in found.blocks.values() for name in _texts(block)}
+    used = {name for block in found.blocks.values() for name in texts_of(block)}
     unused = [name for name in found.columns if name not in used]
     return [name for name in BLOCKS if name not in found.blocks] if len(unused) >= AXES else []
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Yield all texts in a block, among them the names of its columns."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for one in value.values():
-            yield from _texts(one)
-    elif isinstance(value, Sequence):
-        for one in value:
-            yield from _texts(one)
 
 
 def _proposed(columns: Sequence[str], blocks: Mapping[str, Block], notes: Sequence[str]) -> Proposed:

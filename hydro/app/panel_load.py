@@ -23,7 +23,9 @@ IN_RECORDING = "the one in the recording, or a preset that fits"
 PURPOSE = (
     "Compare a vehicle model with a recording, find the effects that it lacks, add them, and save the file."
 )
-SAMPLE_IS_OPEN = f"{PURPOSE} The bundled sample is open: choose your own recording, or go on with the sample."
+SAMPLE_IS_OPEN = (
+    f"{PURPOSE} The bundled sample is open: choose your own recording, or continue with the sample."
+)
 WARNING = "warning: "
 """Beginning of a line of the import that needs attention."""
 MOST_COLUMNS = 2000

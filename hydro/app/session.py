@@ -312,7 +312,7 @@ class Session:
 
     @property
     def over(self) -> str:
-        """Reason why the study ends without a further effect; empty if it goes on or has not begun."""
+        """Reason why the study ends without a further effect; empty if it continues or has not begun."""
         return over(self.rung.steps) if self.diagnosed else ""
 
     def wanted(self, effect: str) -> str:

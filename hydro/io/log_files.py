@@ -104,7 +104,7 @@ def drafted(
     headers = _headers(files, progress)
     known = _combined(headers)
     blocks = guess(known.table.columns, known.texts(), preset, thrusters)
-    wanted = {*CLOCKS, *_words(blocks)}
+    wanted = {*CLOCKS, *texts_of(blocks)}
     parts = []
     for file, header_ in zip(files, headers, strict=True):
         with progress(file) as told:
@@ -122,7 +122,7 @@ def _read(
     files: Sequence[LogFile], meaning: LogMap, headers: Sequence[Log], progress: Progress
 ) -> tuple[Log, LogMap]:
     """Read those columns of files that a map names; return them as one log with its map."""
-    words = [*_words(msgspec.to_builtins(meaning))]
+    words = [*texts_of(msgspec.to_builtins(meaning))]
     wanted = {*CLOCKS, *words, *(word.partition(".")[2] for word in words if meaning.table)}
     logs = []
     for place, file in enumerate(files):
@@ -154,7 +154,7 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
     except DataError as error:
         raise DataError(f"{error}; where files have clocks of their own, give each a [[table]]") from error
     shared = {*CLOCKS, meaning.time.column, meaning.session.column}
-    measured = [set(log.table.columns) & {*_words(msgspec.to_builtins(meaning))} - shared for log in logs]
+    measured = [set(log.table.columns) & {*texts_of(msgspec.to_builtins(meaning))} - shared for log in logs]
     groups = _groups([t for _, t in parts], measured)
     column = "session" if not any("session" in log.table.columns for log in logs) else "session of file"
     rows = []
@@ -196,16 +196,16 @@ def _numbered(title: str, times: Array, begins: Array) -> pl.Series:
     return pl.Series(titles).gather(np.searchsorted(begins, times, side="right"))
 
 
-def _words(value: Any) -> Iterator[str]:
-    """Yield every text in a nested map: column names and other words."""
+def texts_of(value: Any) -> Iterator[str]:
+    """Yield all texts in nested mappings and sequences, such as the names of columns in a block of a map."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
         for part in value.values():
-            yield from _words(part)
+            yield from texts_of(part)
     elif isinstance(value, Sequence):
         for part in value:
-            yield from _words(part)
+            yield from texts_of(part)
 
 
 def _timed(log: Log, meaning: LogMap) -> tuple[pl.DataFrame, Array]:

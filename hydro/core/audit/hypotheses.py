@@ -71,18 +71,12 @@ class Order:
 
     Attributes:
         column: Index of the column of each thruster, (n,).
-        factors: Most probable factor of each axis, (6,).
-        gram: Curvature of the negative log-likelihood in the effectivenesses, (n, n).
-        score: Gradient of the log-likelihood in the effectivenesses at 0, (n,).
         signs: Combinations of signs, (S, n).
         evidence: Unnormalised log posterior of each combination at each of SCALES, (S, M).
         prior: Logarithm of the prior probability of each combination, (S,).
     """
 
     column: tuple[int, ...]
-    factors: Array
-    gram: Array
-    score: Array
     signs: Array
     evidence: Array
     prior: Array
@@ -229,7 +223,7 @@ def _order(found: Balance, column: tuple[int, ...]) -> Order:
     exchanged = count - _cycles(column)
     prior = (signs < 0).sum(axis=1) * np.log(REVERSED / (1.0 - REVERSED))
     prior += exchanged * np.log(EXCHANGED / max(count * (count - 1) / 2, 1))
-    return Order(column, fit.factors, whole, slope, signs, fit.evidence(signs) + prior[:, None], prior)
+    return Order(column, signs, fit.evidence(signs) + prior[:, None], prior)
 
 
 def _coupled(found: Balance, order: Order) -> Order:

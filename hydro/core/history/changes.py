@@ -90,7 +90,7 @@ def changes(values: Array, errors: Array, baseline: int, level: float = LEVEL) -
     return sorted(found, key=lambda one: (one.date, one.parameter))
 
 
-def levels(values: Array, errors: Array, found: Sequence[Change], row: int, baseline: int) -> Array:
+def levels(values: Array, errors: Array, found: Sequence[Change], row: int) -> Array:
     """Return the fitted level of one parameter in every dive, (N,).
 
     Args:
@@ -98,7 +98,6 @@ def levels(values: Array, errors: Array, found: Sequence[Change], row: int, base
         errors: Standard errors of the estimates, (P, N).
         found: All changes of the history, from `changes`.
         row: Row of the parameter.
-        baseline: Number of dives at the start that count as unchanged (not used).
     """
     there = np.isfinite(values[row]) & np.isfinite(errors[row])
     variance = variances(errors[row : row + 1], there[None])[0]

@@ -66,7 +66,7 @@ class History:
     def levels(self) -> Array:
         """Level of each parameter in each dive, fitted with its changes, (P, N)."""
         rows = range(len(self.parameters))
-        found = [levels(self.values, self.errors, self.found, row, self.baseline) for row in rows]
+        found = [levels(self.values, self.errors, self.found, row) for row in rows]
         return np.array(found).reshape(self.values.shape)
 
     def table(self) -> pl.DataFrame:

@@ -94,7 +94,7 @@ def test_a_slow_trend_is_one_change_and_no_shift() -> None:
     assert (found.parameter, found.kind) == (5, "trend")
     assert abs(found.date - 9) <= 3
     assert found.size == pytest.approx(0.3, abs=0.05)
-    level = levels(values, errors, [found], 5, BASELINE)
+    level = levels(values, errors, [found], 5)
     assert level[0] == level[found.date] < level[-1]
 
 
