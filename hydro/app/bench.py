@@ -80,6 +80,7 @@ class Bench:
         self._sliders = dict[str, Slider]()
         self._evaluating = self._again = False
         self._openings = 0
+        self._jumped = -1.0  # start of the stretch that `jump` showed last [s]
         self._toast: ui.notification | None = None
         tab.owner = self.client.id
 
@@ -436,8 +437,6 @@ class Bench:
         margin = max(0.5 * (end - self._jumped), 4.0)
         await self.draw_window(max(self._jumped - margin, 0.0), end + margin)
         self.send("seek", self._jumped)
-
-    _jumped = -1.0
 
     async def set_horizon(self, horizon: float | None) -> None:
         """Set the prediction horizon [s] and redraw; None predicts whole sessions."""
