@@ -240,6 +240,8 @@ def test_a_log_without_some_sensors(
     found = table.read(tmp_path / "raw.parquet", "raw").frame
     assert found["x"].null_count() == found.height
     assert found["phi"].null_count() == 0
+    assert cli.main(["check", str(tmp_path / "raw.parquet")]) == 0
+    assert "raw.parquet: no samples: x, y" in capsys.readouterr().err
 
 
 def test_no_motion_follows_commands_of_stopped_thrusters(

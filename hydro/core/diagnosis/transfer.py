@@ -343,7 +343,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     if not fitted:
         return squares_ahead(vehicle, ahead)
-    fold, shots = predicted_together(problem.shots), problem.shots
+    fold, shots = _predicted_together(problem.shots), problem.shots
     fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
@@ -363,19 +363,15 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     return Squares(sums, counts)
 
 
-def predicted_together(shots: Shots) -> Rows:
+def _predicted_together(shots: Shots) -> Rows:
     """Return the number of the part of each of S shots that is predicted by a fit to the others, (S,).
 
-    It is the session, or a stretch where one session has most of the shots, or of the motion of an axis: a
-    fit to the other sessions would not determine that axis.  A disturbance may last for a session, so
-    stretches of one session do not show whether a model transfers.
+    It is the session, or a stretch where one session has most of the shots.  A disturbance may last for a
+    session, so stretches of one session do not show whether a model transfers.
     """
-    names, label = np.unique(shots.session, return_inverse=True)
-    motion = np.nansum(shots.measured[..., 7:] ** 2, axis=1)
-    sizes = np.column_stack([np.ones(len(label)), motion])
-    sums = np.stack([sizes[label == number].sum(axis=0) for number in range(len(names))])
-    enough = (sums.max(axis=0) <= (1.0 - LEAST_INFORMATION) * sums.sum(axis=0))[sums.sum(axis=0) > 0.0]
-    return np.asarray(label, np.int64) if enough.all() else sessions_of(shots)
+    _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
+    enough = len(label) - count.max() >= LEAST_INFORMATION * len(label)
+    return np.asarray(label, np.int64) if enough else sessions_of(shots)
 
 
 def _rival(

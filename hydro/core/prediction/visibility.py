@@ -67,7 +67,7 @@ def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
 def _on_one_axis(vehicle: Vehicle, never: Mask) -> Iterator[str]:
     """Yield a line on the thrusters of which the sensors show a single axis, although they push on others.
 
-    On a single axis, the gain of a thruster cannot be told from the inertia and the damping.
+    On a single axis, a weak thruster looks like more inertia and damping.
 
     Args:
         vehicle: The vehicle.

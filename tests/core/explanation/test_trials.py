@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from recordings import DT, damped, moved
 
-from hydro.core.diagnosis.settings import FOLDS, LEAST_SHOTS
-from hydro.core.diagnosis.transfer import predicted_together
+from hydro.core.diagnosis.settings import LEAST_SHOTS
 from hydro.core.explanation.ladder import HORIZON
 from hydro.core.explanation.trials import Recordings
 from hydro.core.prediction.output_error import OutputError
@@ -72,12 +71,3 @@ def test_fits_start_from_equation_error_if_it_predicts_better():
     found = study.started(far, ["linear_damping", "quadratic_damping"])
     assert study.error_ahead(found) < 0.1 * study.error_ahead(far)
     assert study.started(far, []) is far
-
-
-@pytest.mark.parametrize(("second", "parts"), [(1.0, 2), (0.2, FOLDS)])
-def test_a_session_is_held_out_if_the_others_show_all_its_motion(second, parts):
-    """Two sessions as long as each other; one component of the second has a share of the motion."""
-    measured = np.ones((2 * FOLDS, 5, 13))
-    measured[FOLDS:, :, 7] = second
-    shots = SimpleNamespace(session=np.repeat([3, 8], FOLDS), measured=measured)
-    assert len(np.unique(predicted_together(cast(Any, shots)))) == parts
