@@ -1,28 +1,29 @@
 """Compare explained vehicle files with simple predictors on the held-out sessions of a real vehicle.
 
-    python -m benchmarks.real_logs FOLDER [--keep COMMIT]
+    python -m benchmarks.real_logs FOLDER [--split SPLIT] [--vehicle FILE] [--keep COMMIT]
 
-The folder has the logs fit.csv and hold.csv, map.toml that reads both, and vehicle files vehicle*.toml. Steps
-are added by `explain` on fit.csv, or on its first two sessions; nothing sees the held-out sessions but the
-rule that ends the steps. Errors are root mean squares over predictions of 5 s. The verdict of an axis is that
-of a paired test over blocks of time (`explanation.axes`): whether the model predicts it worse than zero
-velocity or than least squares fitted to the same sessions.
+The folder has the logs fit.csv and hold.csv, map.toml that reads both, and vehicle files vehicle*.toml.
+`explain` adds steps on fit.csv, or on its first two sessions.  Nothing uses the held-out sessions but the
+rule that ends the steps.  Errors are root mean squares over predictions of 5 s.  A paired test over blocks of
+time (`explanation.axes`) gives the verdict of an axis.  It says whether the model predicts worse than zero
+velocity, or than least squares fitted to the same sessions.  A kept table has the latest rows of every split
+and vehicle file.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import datetime
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 
 import hydro
-from benchmarks.kept_tables import keep, markdown
+from benchmarks.kept_tables import RESULTS, Row, keep, markdown
 from hydro.core.columns import VELOCITY
 from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces
@@ -74,7 +75,7 @@ def held_out(recordings: Recordings, vehicle: Vehicle) -> dict[str, Squares]:
     }
 
 
-def judged(errors: dict[str, Squares]) -> Iterator[dict[str, Any]]:
+def judged(errors: dict[str, Squares]) -> Iterator[Row]:
     """Yield a row for each axis, and one for the geometric mean of the error ratio to least squares.
 
     Args:
@@ -94,7 +95,7 @@ def judged(errors: dict[str, Squares]) -> Iterator[dict[str, Any]]:
     yield {"axis": "geometric mean", "model / least squares": f"{mean:.3f}"}
 
 
-def studied(folder: Path, file: Path, split: str) -> Iterator[dict[str, Any]]:
+def studied(folder: Path, file: Path, split: str) -> Iterator[Row]:
     """Explain the training sessions from a vehicle file, and yield the rows of the best step."""
     raws = [
         head(hydro.import_log(folder / name, folder / "map.toml")[0], SPLITS[split])
@@ -114,7 +115,20 @@ def studied(folder: Path, file: Path, split: str) -> Iterator[dict[str, Any]]:
     added = ", ".join(name for step in steps[1 : used.number + 1] for name in step.added)
     print(f"    ends: {ending(steps)}; used: step {used.number} ({added})", flush=True)
     for row in judged(held_out(recordings, used.vehicle)):
-        yield {"split": split, "vehicle": file.name, **row, "processor [s]": f"{seconds:.0f}"}
+        last = {} if row["axis"] in JUDGED else {"added by explain": added, "processor [s]": f"{seconds:.0f}"}
+        yield {"split": split, "vehicle": file.name, **row, **last}
+
+
+def with_kept(rows: Sequence[Row], kept: Sequence[Row]) -> list[Row]:
+    """Return new rows with the kept ones of other splits and vehicle files, in the order of both.
+
+    Args:
+        rows: New rows.
+        kept: Rows of the kept table.
+    """
+    new = {(row["split"], row["vehicle"]) for row in rows}
+    every = [*rows, *(row for row in kept if (row["split"], row["vehicle"]) not in new)]
+    return sorted(every, key=lambda row: ([*SPLITS].index(row["split"]), row["vehicle"]))
 
 
 def main() -> None:
@@ -135,7 +149,9 @@ def main() -> None:
     if chosen.keep:
         where = {"commit": chosen.keep, "recorded": "", "date": datetime.date.today().isoformat()}
         where |= {"command": "python -m benchmarks.real_logs FOLDER", "seeds": ""}
-        keep("real_logs", [row | where for row in rows])
+        file = RESULTS / "real_logs.csv"
+        kept = list(csv.DictReader(file.open(newline=""))) if file.exists() else []
+        keep("real_logs", with_kept([row | where for row in rows], kept))
 
 
 if __name__ == "__main__":

@@ -217,7 +217,7 @@ def test_a_map_that_does_not_fit_the_log_is_one_line(
     [
         (
             {"position": {"depth": "up"}},
-            "note: frames and signs not tested: position and attitude come without",
+            "note: frames and signs not tested: this needs attitude with rates, or position and attitude",
         ),
         ({"position": {"depth": "up"}, "velocity": {}}, "pose and velocity agree: d(position)/dt to "),
         ({"rates": {}}, "pose and velocity agree: the attitude's rate to "),
@@ -240,6 +240,27 @@ def test_a_log_without_some_sensors(
     found = table.read(tmp_path / "raw.parquet", "raw").frame
     assert found["x"].null_count() == found.height
     assert found["phi"].null_count() == 0
+    assert cli.main(["check", str(tmp_path / "raw.parquet")]) == 0
+    assert "raw.parquet: no samples: x, y" in capsys.readouterr().err
+
+
+def test_no_motion_follows_commands_of_stopped_thrusters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Commands a hundredth as large still correlate with the motion."""
+    raw = logs.raw(20.0)
+    drives = [name for name in raw.columns if name.startswith("cmd_")]
+    delays = []
+    for scale in (1.0, 0.01):
+        scaled = raw.with_columns(pl.col(name) * scale for name in drives)
+        log, spec = logs.written(scaled, logs.Convention())
+        log.write_csv(tmp_path / "log.csv")
+        (tmp_path / "map.toml").write_text(tomlkit.dumps(spec))
+        _, error = run(
+            capsys, tmp_path / "log.csv", "--map", tmp_path / "map.toml", "-o", tmp_path / "raw.parquet"
+        )
+        delays.append("the motion follows the commands" in error)
+    assert delays == [True, False]
 
 
 def test_a_wrong_sign_shows_without_a_horizontal_position(

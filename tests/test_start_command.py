@@ -241,6 +241,7 @@ def test_a_raw_table_needs_neither_map_nor_vehicle_file(
     told = done.stderr.decode()
     assert done.returncode == 1, told
     assert [line.split()[1] for line in commands(told)] == ["check", "explain"]
+    assert "results of explain" not in done.stdout.decode(), "explain refuses so short a recording"
     assert Path("out/vehicle.toml").read_text() == whole.provenance.vehicle
     assert imread("out/recording.png").shape[1] > 600
 

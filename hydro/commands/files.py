@@ -165,11 +165,16 @@ def _check_table(file: str, artefact: Artefact) -> None:
 
 
 def _rare(artefact: Artefact) -> str:
-    """Return the number of samples of each column with nulls, in words; empty without nulls."""
-    frame = artefact.frame
-    counts = {name: frame.height - frame[name].null_count() for name in frame.columns}
-    rare = [f"{name} {count:,}" for name, count in counts.items() if count < frame.height]
-    return f"samples in {frame.height:,} rows: {', '.join(rare)}" if rare else ""
+    """Return which columns have samples in few of the rows, and which in none; empty without nulls."""
+    frame, columns = artefact.frame, dict[int, list[str]]()
+    for name in frame.columns:
+        columns.setdefault(frame.height - frame[name].null_count(), []).append(name)
+    rare = [
+        f"samples in {count:,} of {frame.height:,} rows: {', '.join(names)}"
+        for count, names in columns.items()
+        if 0 < count < frame.height
+    ]
+    return "; ".join([*rare, *([f"no samples: {', '.join(columns[0])}"] if 0 in columns else [])])
 
 
 def show(file: File = STREAM, max_expanded: MaxExpanded = None) -> None:

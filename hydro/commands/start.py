@@ -414,7 +414,7 @@ class _Guide:
         write_bytes(guided.script(steps, Path.cwd(), again).encode(), places.script)
 
     def _tell(self, places: Places) -> None:
-        """List the files and folders written."""
+        """List the files and folders written; an empty folder is of a step that failed."""
         told = [
             (places.map, "map of the log"),
             (places.vehicle, "vehicle file"),
@@ -426,7 +426,7 @@ class _Guide:
         ]
         width = max(len(str(path)) for path, _ in told)
         for path, what in told:
-            if path is not None and path.exists():
+            if path is not None and path.exists() and (path.is_file() or any(path.iterdir())):
                 typer.echo(f"{path!s:<{width}}  {what}")
 
 

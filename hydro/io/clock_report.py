@@ -6,7 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import msgspec
+import polars as pl
 
+from hydro.core.cleaning.readiness import LEAST_COMMAND
+from hydro.core.columns import COMMAND
 from hydro.core.logs.delays import Offset, command_delay, sensor_offsets, shifted
 from hydro.core.logs.importing import Imported
 from hydro.core.logs.logmap import LogMap, columns_of
@@ -108,7 +111,8 @@ class Clocks:
             )
         early = "late" if one.seconds > 0.0 else "early"
         return (
-            f"{one.block} is stamped {abs(one.seconds):.3g} s {early} relative to {REFERENCE[one.block]} "
+            f"{one.block} {'are' if one.block == 'rates' else 'is'} stamped {abs(one.seconds):.3g} s {early} "
+            f"relative to {REFERENCE[one.block]} "
             f"({_range(one)}); write lag = {self._lag(one):.3g} in [{one.block}]"
         )
 
@@ -129,8 +133,14 @@ def clocks(imported: Imported, follows: LogMap, declared: LogMap, travel: Mappin
         if one.plain:
             logs = tuple(shifted(log, follows, one.block, one.seconds) for log in logs)
     moving = msgspec.structs.replace(follows, rates=imported.meaning.rates) if derived else follows
-    delay = command_delay(logs, imported.times, imported.dt, moving)
+    delay = command_delay(logs, imported.times, imported.dt, moving) if _ran(imported.frame) else None
     return Clocks(tuple(found), delay, declared, late_commands(columns_of(declared.commands), travel))
+
+
+def _ran(frame: pl.DataFrame) -> bool:
+    """Return whether any thruster ran: whether a command exceeds that of a stopped one."""
+    drives = [frame[name].abs().max() for name in frame.columns if name.startswith(COMMAND)]
+    return any(isinstance(drive, float) and drive > LEAST_COMMAND for drive in drives)
 
 
 def _interval(one: Offset) -> str:

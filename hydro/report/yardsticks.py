@@ -85,7 +85,9 @@ def sentence(errors: pl.DataFrame) -> str:
     if not told:
         tried = [name for name in PREDICTORS if name in errors["predictor"]]
         simple = f"no simple predictor ({', '.join(tried)}) is better than the model"
-        return f"{JUDGED:g} s ahead {simple} on any axis." if tried else ""
+        axes = [axis for axis in VELOCITY if axis in errors.filter(horizon=JUDGED)["axis"]]
+        where = "on any axis" if len(axes) in (0, len(VELOCITY)) else f"on {listed(axes, 'or')}"
+        return f"{JUDGED:g} s ahead {simple} {where}." if tried else ""
     return f"{JUDGED:g} s ahead the model {told}."
 
 

@@ -52,7 +52,11 @@ def test_the_best_predictor_that_beats_the_model_is_named():
         constant_velocity=pl.when(pl.col("axis") == "r").then(0.1).otherwise(pl.col("constant_velocity"))
     )
     assert yardsticks.verdict(yardsticks.of_ladder(one, 1, "holdout")) == f"loses to {CONSTANT} on r"
-    assert "no simple predictor" in yardsticks.sentence(yardsticks.of_ladder(better, 1, "holdout"))
+    told = yardsticks.sentence(yardsticks.of_ladder(better, 1, "holdout"))
+    assert told.startswith("5 s ahead no simple predictor (")
+    assert told.endswith("on any axis.")
+    rates = better.filter(pl.col("axis").is_in(["p", "q", "r"]))
+    assert yardsticks.sentence(yardsticks.of_ladder(rates, 1, "holdout")).endswith("on p, q or r.")
 
 
 def test_without_simple_predictors_there_is_no_sentence():

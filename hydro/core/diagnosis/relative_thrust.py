@@ -13,8 +13,8 @@ from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import HORIZONTAL, Recording
 
-STATED = ("missing", "cannot_tell_apart")
-"""Verdicts that become unconfirmed."""
+DOUBTED = ("missing", "cannot_tell_apart", "suspect")
+"""Verdicts that become or stay unconfirmed."""
 WORDS = (
     "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
     "velocity or a position, or measure the inertia"
@@ -24,11 +24,13 @@ WORDS = (
 def doubted_gain(finding: Finding, record: Recording) -> Finding:
     """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion.
 
+    Its confidence is then at most DOUBTFUL.
+
     Args:
-        finding: Any finding; only confirmed thruster gains are changed.
+        finding: Any finding; only confirmed and unconfirmed thruster gains are changed.
         record: Recording; without horizontal velocity or position a wrong inertia predicts the same.
     """
-    if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
+    if finding.verdict not in DOUBTED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
         return finding
     sure = min(finding.confidence, DOUBTFUL)
     return replace(finding, verdict="suspect", confidence=sure, advice=f"{WORDS}; {finding.advice}")

@@ -45,6 +45,7 @@ from hydro.core.vehicle.thrusters import (
     UNIT_MOMENT,
     UNIT_WRENCH,
     curve_power,
+    table_of,
 )
 
 LEAST_POWER, MOST_POWER = 0.5, 4.0
@@ -250,6 +251,8 @@ def curve_sentence(case: Case) -> str:
         return f"The power of the thrust curves is {power.changed()} {side} than modelled."
     plain = powers.pop()
     now, was = quantity(plain + power.value, power.error), number(plain + power.before)
+    if any(table_of(thruster) for thruster in thrusters(case.vehicle)):
+        return f"The share of full thrust is that of the file's curve to the power {now}, not {was}."
     return f"Thrust grows with the command to the power {now}, not {was} as in the file."
 
 

@@ -278,7 +278,7 @@ def _beyond(
             unit = f" {parameter.unit_at(index)}".replace(" 1", "")
             words = (
                 f"{table['name']}.{parameter.name}{place} = {value:.3g}{unit} is "
-                f"implausible: {low:.3g} to {high:.3g} is what physics leaves ({parameter.plausible.words})"
+                f"implausible: {low:.3g} to {high:.3g} is plausible ({parameter.plausible.words})"
             )
     return words
 

@@ -94,7 +94,8 @@ def _by_kinematics(
         note = f"frames and signs not tested: there are not {lacking}"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     if not any(tested(declared)):
-        note = "frames and signs not tested: position and attitude come without velocity and rates"
+        needs = "attitude with rates, or position and attitude with velocity"
+        note = f"frames and signs not tested: this needs {needs}"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     evidence = Evidence(logs, taken)
     whole, declared, resting = declared, *_without_rest(evidence, declared)

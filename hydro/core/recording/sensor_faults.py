@@ -268,7 +268,8 @@ def _fault(raw: pl.DataFrame, record: Recording, bad: Mask, words: str) -> Fault
     session, t = raw["session"][int(rows[0])], float(record.t[rows[0]])
     return Fault(
         columns,
-        f"{', '.join(columns)} {words}: {rows.size} rows ({rows.size / record.rows:.2g} of the log) in "
+        f"readings of {', '.join(columns)} {words}: {rows.size} {'row' if rows.size == 1 else 'rows'} "
+        f"({100.0 * rows.size / record.rows:.2g} % of the log) in "
         f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
         f"{t:.2f} s; they are left out here; remove them from the log",
     )

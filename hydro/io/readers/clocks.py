@@ -216,7 +216,7 @@ def _shifts(topics: Sequence[Stamps], delays: Sequence[float]) -> tuple[list[flo
         more = f" and {len(group) - 4} more" if len(group) > 4 else ""
         notes.append(
             f"stamps of {names}{more} are of another clock: moved by {shift:.3f} s to the logger's "
-            "(exact among these; relative to others, as accurate as the fastest receipt)"
+            "(exact among these; relative to other messages, to within the shortest delay of receipt)"
         )
         left = left[len(group) :]
     return shifts, notes

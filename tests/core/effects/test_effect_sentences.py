@@ -279,6 +279,14 @@ def test_the_thrust_curve_is_told_by_its_power() -> None:
     assert text == "Thrust grows with the command to the power 1.98 (±0.05), not 1 as in the file."
 
 
+def test_a_power_of_a_measured_thrust_curve_is_told_as_one() -> None:
+    vehicle = fleet(4)
+    measured = [msgspec.structs.replace(one, curve="t200") for one in vehicle.thruster]
+    vehicle = msgspec.structs.replace(vehicle, thruster=tuple(measured))
+    text = sentence(vehicle, "thruster_curve", {"da": 0.98}, {"da": 0.05}, 0.02)
+    assert text == "The share of full thrust is that of the file's curve to the power 1.98 (±0.05), not 1."
+
+
 def test_one_of_several_effects_of_a_kind_is_compared_with_itself_alone() -> None:
     vehicle = equipped({"name": "payload:camera", "w": 10.0}, {"name": "payload:sonar", "w": 20.0})
     text = sentence(vehicle, "payload:sonar", {"w": 30.0}, {"w": 1.0}, 0.02)

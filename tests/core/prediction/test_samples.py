@@ -74,7 +74,7 @@ def test_errors_grow_as_the_information_shrinks(flown, whole):
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        (SPEEDS, "no velocity (u, v, w): the other sensors and the model show surge to"),
+        (SPEEDS, "no velocity (u, v, w): the other sensors and the model give surge ±"),
         (VELOCITY, "no velocity (u, v, w): the other"),
         (("x", "y", "z"), "no position (x, y, z): nothing shows north, east, depth"),
         (("x", "y"), "no position (x, y): nothing shows north, east, nor"),

@@ -104,11 +104,32 @@ def test_equation_error_counts_no_balance_that_was_filled_in(flown):
 
 
 def test_what_is_not_shown_is_told_sensor_by_sensor(flown):
-    position, velocity, rates = not_shown(damped(), only(flown, *DEPTH_AND_ATTITUDE))
+    position, velocity, rates, *_ = not_shown(damped(), only(flown, *DEPTH_AND_ATTITUDE))
     assert position == "no position (x, y): nothing shows north, east, nor what acts there alone"
-    assert velocity.startswith("no velocity (u, v, w): the other sensors and the model show surge to ")
+    assert velocity.startswith("no velocity (u, v, w): the other sensors and the model give surge ± ")
     assert rates.startswith("no rates of turn (p, q, r): ")
     assert not_shown(damped(), flown) == ()
+
+
+def placed(position: list[float], direction: list[float]):
+    """The first thruster of the vehicle at another place, in another direction."""
+    return msgspec.structs.replace(damped().thruster[0], position=position, direction=direction)
+
+
+def test_thrusters_seen_on_one_axis_are_named(flown):
+    """Without position and velocity, surge and sway show nothing; a vertical thruster shows on three axes."""
+    layout = (
+        placed([0.0, -0.2, 0.0], [1.0, 0.0, 0.0]),
+        placed([0.0, 0.2, 0.0], [1.0, 0.0, 0.0]),
+        placed([0.2, 0.1, 0.0], [0.0, 0.0, 1.0]),
+        placed([0.0, 0.0, -0.1], [0.0, 1.0, 0.0]),
+    )
+    vehicle = msgspec.structs.replace(damped(), thruster=layout)
+    raw = flown.drop("cmd_5", "cmd_6", "cmd_7", "cmd_8")
+    *_, line = not_shown(vehicle, only(raw, "z", "p", "q", "r"))
+    assert line.startswith("thruster 4 shows in roll alone, thrusters 1 and 2 show in yaw alone: ")
+    *_, line = not_shown(vehicle, only(raw, "z", "u", "v", "w", "p", "q", "r"))
+    assert line.startswith("no attitude")
 
 
 @pytest.mark.parametrize("dt", [0.005, 0.02, 0.2])
