@@ -93,10 +93,11 @@ class Family:
         by: Name of the kind, such as `turn` or `speed`.
         words: Words of each condition.
         code: Number of the condition that each piece meets, (P,); -1 for none.
-        doing: Whether the words name an activity and follow `while`; otherwise they qualify an activity.
+        doing: Whether the words name an activity, such as "turning left", and follow "while"; otherwise they
+            add a circumstance, such as "below 1 m/s".
         unions: Words for several conditions together, and the numbers of these conditions.
-        alone: Whether the conditions are not combined with other families: there are so many of them that a
-            pair would fit by chance.
+        alone: Whether the conditions are never paired with those of other families, as for a family with so
+            many conditions that some pair would fit by chance.
     """
 
     by: str

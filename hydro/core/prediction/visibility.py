@@ -31,7 +31,7 @@ AXES = (
 
 
 def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
-    """Return one line for each missing sensor: which components are not observable, and how well others are.
+    """Return one line of text for each missing sensor: what is not observable, and how exact the rest is.
 
     Args:
         vehicle: The vehicle.
