@@ -25,7 +25,7 @@ DIAGNOSED = ("--against",)
 
 
 def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") -> list[Text]:
-    """Return a comparison as lines of a terminal.
+    """Return the text of a comparison as lines of a terminal.
 
     Args:
         comparison: Comparison table.

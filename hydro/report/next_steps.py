@@ -27,7 +27,7 @@ class NextStep:
     Attributes:
         action: `add`, `explain`, `correct_thrusters`, `next_run`, `compare` or `fit`.
         words: The step in words, without a capital letter and a full stop.
-        effects: Effects to add by name, empty if all confirmed findings are added, or none; or to fit.
+        effects: Effects to add or to fit, by name; empty if the step adds all confirmed findings or none.
     """
 
     action: str
