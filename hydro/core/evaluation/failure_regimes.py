@@ -33,8 +33,8 @@ SIMPLER = 1.2
 """Minimum ratio of a pair's quality to that of each of its conditions alone."""
 MOST_SESSIONS = 100
 """Maximum number of conditions in a family that is searched: one of many sessions fails by chance."""
-ELSEWHERE = "elsewhere"
-"""Place of the error of an axis that lies in none of the listed places."""
+ELSEWHERE, THROUGHOUT = "in all other motion", "in all motion"
+"""Words for the place of an axis' error outside its listed places, and without any listed place."""
 MOST_PLACES = 12
 """Maximum number of listed places."""
 
@@ -95,7 +95,7 @@ def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:
     """Return the place of all time on an axis that lies in none of the places found on the axis."""
     taken = [place.met for place in found if place.axis == axis]
     met = ~np.logical_or.reduce([np.zeros(len(left), bool), *taken])
-    return Place(ELSEWHERE if taken else "throughout", axis, met, float(left.sum()))
+    return Place(ELSEWHERE if taken else THROUGHOUT, axis, met, float(left.sum()))
 
 
 def _share(place: Place) -> float:
@@ -122,7 +122,7 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """Return the words for conditions that hold at the same time: "while turning left below 1 m/s"."""
+    """Return words for conditions that hold together: "while turning left at speeds below 1 m/s"."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 

@@ -28,8 +28,8 @@ def place_times(
 
     Returns:
         By the words of each place, the K stretches of the recording in which the place is met, the longest
-        first, (K, 2): first row, and row after the last.  Places that are no condition, such as `elsewhere`,
-        are left out.
+        first, (K, 2): first row, and row after the last.  Places that are no condition, such as "in
+        all other motion", are left out.
     """
     wanted = set(comparison.filter(pl.col("rank").is_not_null())["place"].unique().to_list())
     motion, pieces = Motion.of(record), Pieces.of(record)
