@@ -570,7 +570,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def evaluate(self) -> None:
-        """Redraw predictions and error in the background; changes made meanwhile share one further redraw."""
+        """Redraw predictions and error in the background; later changes wait for one further redraw."""
         if self._evaluating:
             self._again = True
         else:

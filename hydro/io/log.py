@@ -343,7 +343,7 @@ def numeric(values: pl.Series) -> bool:
 
 
 def seconds(values: pl.Series) -> pl.Series:
-    """Return a column of durations in seconds."""
+    """Convert a column of durations to seconds."""
     return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 

@@ -126,7 +126,7 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
         (6, 6) symmetric matrix about CO [kg, kg m, kg m^2].
 
     Raises:
-        DataError: A parameter is not valid in the catalogue.
+        DataError: A parameter of an effect has an invalid value.
     """
     total = np.zeros((6, 6))
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:

@@ -326,10 +326,10 @@ def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> S
     """Return the function that states how far a point is from its place in the file.
 
     Args:
-        point: Its name.
+        point: Name of the point.
         verb: `lies` or `sits`.
         keys: Three parameters, or one of three numbers [m], FRD.
-        where: Its assumed place.
+        where: Name of the place that the file assumes.
     """
 
     def sentence(case: Case) -> str:
@@ -345,12 +345,12 @@ def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> S
 
 
 def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]) -> Sentence:
-    """Return a sentence on a number added to one of the vehicle's, and on its sign.
+    """Return the function that states a parameter that is added to a value of the vehicle, with its sign.
 
     Args:
-        key: The parameter.
-        unit: Unit in which it is written; a share of 1 is written in percent.
-        subject: Its name if the log does not determine it.
+        key: Name of the parameter.
+        unit: Unit in which the parameter is written; `%` for a share of 1.
+        subject: Name of the parameter, for a log that does not determine it.
         words: The sentence without its full stop, with `{change}` and `{side}`.
         sides: Words for more and for less than in the file.
     """

@@ -23,7 +23,7 @@ def servo_wrenches(vehicle: Vehicle, speed: float = SPEED) -> Array:
         speed: Speed ahead [m/s].
 
     Raises:
-        DataError: An effect is not valid in the catalogue.
+        DataError: An effect of the vehicle is unknown, or has invalid values.
     """
     count = len(vehicle.thruster)
     servos = [i for i, one in enumerate(vehicle.thruster) if not one.pushes]

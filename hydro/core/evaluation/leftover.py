@@ -227,7 +227,7 @@ def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[
 
 
 def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
-    """Return the mean of P values whose errors are shared within blocks, with its interval.
+    """Return the mean of P values with its interval; errors are correlated within blocks.
 
     Args:
         values: Values, (P,).

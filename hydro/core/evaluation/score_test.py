@@ -58,7 +58,7 @@ class Evidence:
 
     @cached_property
     def total(self) -> Array:
-        """Products of the columns over all pieces, X^T X, (P, P)."""
+        """Sum of X^T X over all pieces, (P, P)."""
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:

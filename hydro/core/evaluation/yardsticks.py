@@ -120,7 +120,7 @@ class Yardstick:
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to the same recording that they will predict, by cross-validation.
+        """Fit the predictors by cross-validation to the recording on which they will be judged.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
         another recording, call `of_others` on the result.
@@ -136,7 +136,7 @@ class Yardstick:
 
     @property
     def of_others(self) -> Yardstick:
-        """The yardstick for recordings to which it was not fitted, without folds."""
+        """Yardstick for predictions of another recording, from the fit to the whole training recording."""
         return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(

@@ -261,12 +261,12 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Return standard errors of all values, averaged over other values of each of some components, (P,).
+    """Return standard errors (P,) that include the uncertainty of some components beyond linearity.
 
     An undetermined exponent makes its coefficient far more uncertain than the local curvature shows, since a
-    drag with another exponent may imitate a quadratic one.  The component is set to each offset of PROFILE,
-    and the others are refitted.  Each of these fits has the weight of its likelihood.  The variance is the
-    mean variance of the fits plus the variance between them.
+    drag with another exponent may imitate a quadratic one.  Each such component is set to each offset of
+    PROFILE, and all other components are refitted.  Each of these fits has the weight of its likelihood.  The
+    variance of a value is the mean variance of the fits plus the variance between them.
 
     Args:
         unknown: The components.
@@ -274,7 +274,7 @@ def profiled(
         normal: The problem linearised at the values.
         problem: The fitted problem.
         errors: Standard errors of the values, (P,).
-        entries: Indices of the components to average over.
+        entries: Indices of the components that are set to offsets.
     """
     found = errors.copy()
     for i in entries:

@@ -84,7 +84,7 @@ def replaces_drag(vehicle: Vehicle, name: str) -> bool:
 
 
 def is_curved(name: str) -> bool:
-    """Return whether an effect is nonlinear in any of its parameters."""
+    """Return whether an effect of the catalogue is nonlinear in any parameter."""
     return not CATALOGUE[name].identification.linear
 
 

@@ -87,7 +87,7 @@ class Recording:
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
 
     def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
-        """Return whether at least one alternative group of channels has samples in all its channels."""
+        """Return whether any of several groups of channels has samples in all of the group's channels."""
         return any(self.sampled.issuperset(channels) for channels in alternatives)
 
     @property

@@ -166,9 +166,10 @@ def most_added(vehicle: Vehicle) -> Array:
 
 
 def most_lift(vehicle: Vehicle) -> Array:
-    """Return the maximum lift of the hull's side and of its bottom per speed and drift speed, (2,) [kg/m].
+    """Return the maximum lift coefficients of the hull's side and of its bottom, (2,) [kg/m].
 
-    It is 1/2 rho 2 pi A, with the water density rho and the area A.
+    Lift is the coefficient times speed and drift speed.  The coefficient is 1/2 rho 2 pi A, with the water
+    density rho and the area A.
     """
     length, width, height = 2.0 * _half(vehicle)
     pressure = 0.5 * vehicle.environment.water_density * LIFT_SLOPE
