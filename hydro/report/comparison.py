@@ -195,18 +195,19 @@ def worst_place(comparison: pl.DataFrame) -> str:
 def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:
     """Return the rows of regimes of motion that `chosen` selects, with the axis in their description.
 
-    The column `ratio` is the error relative to the error of the same axis in all motion; null for a regime
-    that is not a kind of motion.
+    The column `time` is the share of the axis' samples.  The column `ratio` is the error relative to the
+    error of the same axis in all motion; null for a regime that is not a kind of motion.
     """
     whole = comparison.filter(level="force", by="all")
-    rows = whole["rows"].max()
-    average = pl.col("axis").replace_strict(whole["axis"], whole["rmse"], default=None)
+    samples, average = (
+        pl.col("axis").replace_strict(whole["axis"], whole[name], default=None) for name in ("rows", "rmse")
+    )
     special = pl.col("place").is_in([ELSEWHERE, THROUGHOUT]).not_()
     words = pl.concat_str(pl.col("axis").replace_strict(MOTIONS), pl.col("place"), separator=" ")
     return comparison.filter(chosen).select(
         "rank",
         _percent(pl.col("share")).alias("error"),
-        _percent(pl.col("rows") / rows).alias("time"),
+        _percent(pl.col("rows") / samples).alias("time"),
         *(["before"] if "before" in comparison.columns else []),
         "rmse",
         pl.when(special).then((pl.col("rmse") / average).round(2)).alias("ratio"),

@@ -154,14 +154,14 @@ def _last_comparison(sources: Sources) -> int:
 def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield the worst regimes of motion in order, with their shares of the error as widths of bars."""
     rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
-    everything = comparison.filter(level="force", by="all").select(pl.col("rows").max()).item()
+    samples = dict(comparison.filter(level="force", by="all").select("axis", "rows").iter_rows())
     ratios = failures(comparison)["ratio"]
     for row, ratio in zip(rows.iter_rows(named=True), ratios, strict=True):
         yield {
             "words": words.sentence(f"{MOTIONS.get(row['axis'], row['axis'])} {row['place']}").rstrip("."),
             "share": row["share"],
             "width": 100.0 * row["share"],
-            "time": row["rows"] / (everything or row["rows"]),
+            "time": row["rows"] / samples.get(row["axis"], row["rows"]),
             "ratio": "" if ratio is None else f"{ratio:.1f}",
             "rmse": f"{words.figure(row['rmse'])} {row['unit']}",
         }
