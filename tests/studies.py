@@ -35,7 +35,7 @@ def comparison(scale: float = 1.0, worst: str = "while turning right above 0.8 m
         rows += [line("replay", horizon, axis, "all", "all", error) for axis in (*"uvwpqr", "all", "pose")]
     rows += [
         line("force", None, "Y", "place", worst, 90.0 * scale, rows=200, share=0.6, rank=1),
-        line("force", None, "X", "place", "throughout", 20.0 * scale, rows=1000, share=0.25, rank=2),
+        line("force", None, "X", "place", "in all motion", 20.0 * scale, rows=1000, share=0.25, rank=2),
     ]
     return pl.DataFrame(
         rows, schema_overrides={"horizon": pl.Float64, "rank": pl.Int64, "at_horizon": pl.Float64}

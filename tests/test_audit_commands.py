@@ -42,7 +42,7 @@ def inside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_check_says_which_thrusters_push_opposite_and_the_flipped_file_agrees(capsys) -> None:
     assert run("check", "vehicle.toml", "raw.parquet") == 0
-    assert "thrusters 1, 2, 3, 4, 5, 6, 7 and 8 push as the file says" in capsys.readouterr().err
+    assert "thrusters 1 to 8 push as the file says" in capsys.readouterr().err
     assert run("check", "vehicle.toml", "turned.parquet") == 1
     told = capsys.readouterr().err
     assert "thrusters 1 and 5 push opposite to the file" in told

@@ -83,7 +83,7 @@ def test_a_terminal_gets_one_screen_and_no_table(work: Path) -> None:
     rows = [line.split() for line in lines if re.match(r"  (?:[uvwpqr]|all) \[", line)]
     assert [row[0] for row in rows] == [*"uvwpqr", "all"]
     assert all(float(row[2]) > float(row[3]) for row in rows), "errors are above the noise floor"
-    assert len(re.findall(r"\d+ % in \d+ % of the time[.,]", printed)) == 3
+    assert len(re.findall(r"\d+ %; \d+\.\d times\s+the\s+average\s+of\s+this\s+axis\.", printed)) == 3
     (following,) = pasted_from(printed)
     assert following == f"hydro diagnose {VEHICLE} {work / 'raw.parquet'} -o diagnosis.parquet"
     parse(following)
@@ -156,7 +156,8 @@ def test_the_headline_of_an_exact_model_says_within_its_noise() -> None:
     assert comparison.headline(frame) == "The model predicts this log to within its noise."
     ranked = frame.with_columns(by=pl.lit("place"), place=pl.lit("while diving"), share=0.416, rank=1, rows=1)
     told = comparison.worst_place(pl.concat([frame, ranked.cast({"rank": pl.Int64, "rows": pl.Int64})]))
-    assert told == "Heave while diving: 42 % of the unexplained squared error in 10 % of the time."
+    share = "Heave while diving: 42 % of the unexplained squared error; "
+    assert told == f"{share}1.0 times the average of this axis."
 
 
 def test_regimes_show_a_weak_thruster_and_a_current_in_stonefish_recordings(stonefish: Path) -> None:

@@ -211,7 +211,7 @@ def test_a_study_has_the_bands_of_its_best_step(counted):
     width = (frame["x_high"] - frame["x_low"]).to_numpy()
     assert width[since > 10.0].min() > 5.0 * width[since < 1.0].max()
     page = render(gather(["study"]))
-    assert "95 % of what its parameters leave open" in page
+    assert "95 % band from the errors of its values" in page
 
 
 def test_a_study_stores_sessions_and_unexplained_forces_of_the_recordings(counted):

@@ -85,7 +85,7 @@ def test_on_a_terminal_check_says_what_is_sound(
     told = capsys.readouterr().out.splitlines()
     sound = [line.partition(": sound: ")[2].split(",")[0] for line in told if ": sound: " in line]
     assert sound == ["the vehicle stonefish-auv", "a table of kind raw", "a map of a log"]
-    assert f"{recording}: thrusters 1, 2, 3, 4, 5, 6, 7 and 8 push as the file says" in told
+    assert f"{recording}: thrusters 1 to 8 push as the file says" in told
 
 
 @pytest.mark.parametrize("said", [{"widths": [4, 4], "training": {"stage": 1}}, {"name": 3}, {"training": 3}])

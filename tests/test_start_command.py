@@ -80,7 +80,7 @@ def test_without_a_terminal_the_defaults_lead_to_a_report(done: tuple[Path, str,
     assert "velocity looks FLU, not FRD: corrected" in err
     assert logmap.read(out_folder / "map.toml").velocity == logmap.read(bundled("logs") / "map.toml").velocity
     assert [line.split()[1] for line in commands(err)] == ["import", "check", "explain", "report"]
-    assert "thrusters 1, 2, 3, 4, 5, 6, 7 and 8 push as the file says" in err + out
+    assert "thrusters 1 to 8 push as the file says" in err + out
     assert (out_folder / "report.html").stat().st_size > 1e6
     assert imread(out_folder / "recording.png").shape[1] > 600
     written = [Path(line.split()[0]) for line in out.splitlines() if re.match(r"(out|rov)\S+  ", line)]

@@ -107,9 +107,9 @@ def test_how_long_it_takes_is_told_by_steps_alike(chain, capsys, monkeypatch):
     Runner(folder, here(Copier()), message).run(steps)
     told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  ")]
     assert told == [
-        "  50.0 s: b; steps left: 2, some 2 min",
-        "  200.0 s: c; steps left: 1, some 2 min",
-        "  1.0 s: d",
+        "  wrote b in 50.0 s; steps left: 2, about 2 min",
+        "  wrote c in 200.0 s; steps left: 1, about 2 min",
+        "  wrote d in 1.0 s",
     ]
     (folder / "d").unlink()
     monkeypatch.undo()

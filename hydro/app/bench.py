@@ -46,19 +46,19 @@ class Bench:
     Attributes:
         desk: The server.
         tab: The tab.
-        busy: Words on the work that runs; empty if none does.
-        share: Share of it that is done.
-        began: Time at which it began, by the monotonic clock [s].
+        busy: Words on the running work; empty if nothing runs.
+        share: Share of the running work that is done, 0 to 1.
+        began: Time at which the running work began, by the monotonic clock [s].
         provisional: Best candidate of a diagnosis that is still running, in words.
-        problem: Last problem, in one line.
-        remark: Last remark.
-        window: Window of the curves [s].
+        problem: Last problem in one line, for the user.
+        remark: Last remark, for the user.
+        window: Range of time that the curves show [s].
         unfolded: Effects whose numbers are shown; None before they are first shown.
-        saved: What was saved, the last first.
+        saved: Descriptions of the saved files, the last one first.
         so_far: Label of the provisional answer.
         folds: Whether each part of the panel that can be folded is unfolded.
-        menus: State of the menus of step 1 as they are drawn; empty before they are.
-        refresh_below: Draws the part below these menus again.
+        menus: State of the menus of step 1 when they were last drawn; empty before.
+        refresh_below: Function that draws the part below the menus of step 1 again.
     """
 
     def __init__(self, desk: Desk, tab: Tab) -> None:
@@ -193,7 +193,7 @@ class Bench:
     # 1, Load
 
     def choose(self, logs: tuple[str, ...]) -> bool:
-        """Choose the recording to open; return whether the menus then show another choice than they did."""
+        """Choose the recording to open; return whether the menus must show another choice."""
         choice = self.tab.choice
         vehicle = choice.vehicle
         choice.choose(logs, opening.sample()[0])
@@ -509,7 +509,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def offered(self, effect: str) -> list[Slider]:
-        """Return the sliders of an effect, and accept later moves of them."""
+        """Return the sliders of an effect, whose moves are accepted from now on."""
         found = self.session.sliders(effect)
         self._sliders |= {one.key: one for one in found}
         return found
@@ -569,7 +569,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def evaluate(self) -> None:
-        """Redraw predictions and error in the background; changes made meanwhile share one further redraw."""
+        """Redraw predictions and error in the background; later changes wait for one further redraw."""
         if self._evaluating:
             self._again = True
         else:

@@ -130,7 +130,7 @@ def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, r
     Args:
         opened: The recording.
         craft: Vehicle file of step 0.
-        steps: Steps so far; without any, the next one compares and diagnoses the file.
+        steps: Steps so far; the first step compares and diagnoses the file.
         wanted: Effect of the finding to add, or `explain.BEST`.
         report: Receives progress, and the provisional best candidate of the first diagnosis.
     """

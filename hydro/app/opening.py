@@ -136,7 +136,8 @@ class Opened:
         map: Path of the map; empty for a raw table.
         source: Raw table with its provenance.
         log: Cleaned recording.
-        weights: Weights of the velocity axes, by the inertia of the vehicle that it was opened with, (6,).
+        weights: Weights of the velocity axes, from the inertia of the vehicle with which the recording was
+            opened, (6,).
         lines: Results of the import, of the cleaning and of the thruster audit, a line each.
         audit: Contradiction between the thrusters and the file; empty if there is none.
         holdout: Held-out recording; None without one.
@@ -269,7 +270,7 @@ def correct_map(
 
 
 def unrecognised(found: Proposed) -> list[str]:
-    """Return the sensors that a map lacks although the log has unused columns that may hold one of them."""
+    """Return the sensors that a map lacks although an unused column of the log may hold them."""
     used = {name for block in found.blocks.values() for name in texts_of(block)}
     unused = [name for name in found.columns if name not in used]
     return [name for name in BLOCKS if name not in found.blocks] if len(unused) >= AXES else []

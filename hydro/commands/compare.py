@@ -178,7 +178,10 @@ def _print_details(frame: pl.DataFrame, earlier: Earlier | None, console: Consol
     ranked, former = comparison.failures(frame), comparison.former_failures(frame)
     if not ranked.is_empty():
         print_table(
-            ranked, "Regimes: share of the force error above the noise floor, and of the time", console
+            ranked,
+            "Regimes: share of the squared force error above the noise floor, share of the time, and error "
+            "relative to that of the axis in all motion",
+            console,
         )
     if not former.is_empty():
         print_table(former, "Regimes of the earlier comparison", console)

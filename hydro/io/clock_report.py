@@ -31,7 +31,7 @@ class Clocks:
         sensors: Lags of velocity, attitude and rates relative to the pose, where the motion shows them.
         commands: Lag of the motion relative to the commands; None if the log does not show it.
         declared: Map of the log, which may already state lags.
-        receipt: Time by which commands are stamped later than sensors of the same driver [s], see
+        receipt: Delay of the time stamps of commands relative to those of sensors of the same driver [s], see
             `core.logs.receipt`.
     """
 

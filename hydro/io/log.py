@@ -39,7 +39,7 @@ class Log:
         table: Columns: text from a CSV, typed from other tables; of a log of messages, the columns of each
             topic.
         digest: `sha256:` and the hash of the file's bytes.
-        more: Function that returns the columns that were not read, which needs a pass over the log.
+        more: Function that lists the columns that were not read, which takes a pass over the file.
         notes: Notes of the reader, a line each.
         files: `digest` of every file, if the log was made of several.
     """
@@ -313,7 +313,7 @@ def numbers(log: Log, name: str, where: str) -> Array:
 
 
 def values(log: Log, name: str) -> Array | None:
-    """Return a column as numbers in the order of the log, NaN in empty cells; None if it is not numeric."""
+    """Return a column as numbers in the order of the log, NaN in empty cells; None for other content."""
     if name not in log.table.columns:
         return None
     if isinstance(log.table, Tables):
@@ -325,7 +325,7 @@ def values(log: Log, name: str) -> Array | None:
 
 
 def unset(log: Log, name: str) -> Mask:
-    """Return the rows in which a column is an explicit NaN, (n,); empty cells do not count."""
+    """Return a mask of the rows in which a column is an explicit NaN, (n,); empty cells do not count."""
     values = column(log, name, "commands")
     if values.dtype == pl.String:
         return stripped(values).is_in(NOT_A_NUMBER).fill_null(False).to_numpy()
@@ -343,7 +343,7 @@ def numeric(values: pl.Series) -> bool:
 
 
 def seconds(values: pl.Series) -> pl.Series:
-    """Return a column of durations in seconds."""
+    """Convert a column of durations to seconds."""
     return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 

@@ -56,7 +56,7 @@ def gather(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> tuple[Log, LogMap]:
-    """Return the files of a dive as one log with the columns of a map, and that map.
+    """Return the files of a dive as one log with the columns of a map, and the map.
 
     The `[[table]]`s of a map assign the files (see `joining`).  Without them, files whose times overlap are
     merged by time; other files are sessions, named after their files.

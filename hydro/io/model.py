@@ -76,8 +76,9 @@ class Model:
         outputs: Names of the outputs in order, (n_out,).
         units: Unit of every input and output by name.
         training: Summary of the training; JSON values.
-        subtract: Effects that its labels exclude and a simulation must add: `inertia`, or all `effects`.
-        labelled: Vehicle of the labels; None if the file does not state it.
+        subtract: Effects that the labels exclude, so that a simulation must add them: `inertia`, or all
+            `effects`.
+        labelled: Vehicle for which the labels were computed; None if the file does not state it.
     """
 
     name: str

@@ -54,7 +54,7 @@ def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
 
 
 def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
-    """Check the expanded size of a Parquet file against the limit before it is decoded.
+    """Check the expanded size of a Parquet file against the limit before the file is decoded.
 
     Args:
         file: The file.

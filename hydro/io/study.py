@@ -83,7 +83,7 @@ class Study:
         return ENDED in ladder.provenance.parameters and ladder.frame["step"].max() == steps[-1].number
 
     def clear(self, steps: Sequence[Step]) -> bool:
-        """Remove the files of other steps than these, or of another study; return whether there were any."""
+        """Remove files of steps other than `steps`, or of another study; return whether there were any."""
         keep = {name for step in steps for name in _names(step.number)} | ({LADDER} if steps else set())
         keep |= {covariance.beside(_names(step.number)[2]).name for step in steps}
         gone = [

@@ -133,9 +133,9 @@ def vehicle_hash(vehicle: Vehicle) -> str:
 
 
 def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[str]) -> list[str]:
-    """Return the places where two vehicle files differ: `name`, `rigid_body`, `effect payload`.
+    """Return the parts in which two vehicle files differ, such as `name`, `rigid_body`, `effect payload`.
 
-    Marks of fits and known values are ignored.  So is an effect that `hydro add` wrote into `one` from the
+    Ignored are notes of fits, marks of known values, and effects that `hydro add` wrote into `one` from the
     same diagnosis.
 
     Args:

@@ -57,7 +57,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
                 "title": _group_title(step, last, taken),
                 "shares": _shares(shown, step),
                 "cards": [
-                    _card(row, f"{step}-{row['rank']}", charts, about, added=bool(taken))
+                    _card(row, f"{step}-{row['rank']}", charts, about, added=bool(taken), further=step > 0)
                     for row in shown.iter_rows(named=True)
                 ],
                 "others": [words.in_short(row) for row in others.iter_rows(named=True)],
@@ -156,10 +156,23 @@ def _told(row: dict[str, Any], about: Context | None) -> tuple[str, str, str]:
 
 
 def _card(
-    row: dict[str, Any], name: str, charts: Charts, about: Context | None, *, added: bool
+    row: dict[str, Any], name: str, charts: Charts, about: Context | None, *, added: bool, further: bool
 ) -> dict[str, Any]:
-    """Return the card of one finding, without the advice to add it if a step has added it."""
+    """Return the card of one finding.
+
+    Args:
+        row: Row of a diagnosis table.
+        name: Prefix of the names of the card's figures.
+        charts: Collection to which the figures are added.
+        about: Vehicle file and sample time; None without a vehicle file.
+        added: Whether a step has added the finding, so that the advice to add it is left out.
+        further: Whether earlier steps have added findings.
+    """
     label, title, sentence = _told(row, about)
+    advice = "" if added and row["verdict"] in ADDED else _without_adding(row["advice"])
+    if row["verdict"] == "nothing_missing" and about is not None and about.changed:
+        label = label.replace("No change", "No further change") if further else label
+        sentence, advice = words.sentence(advice) if advice else sentence, ""
     values = words.values(row["effect"], row["parameters"], row["standard_errors"])
     drawn = [
         charts.add(f"values-{name}-{number}", plots.parameters(group))
@@ -181,12 +194,12 @@ def _card(
         "values": [(one.name, words.with_error(one), one.unit) for one in values],
         "long": len(values) > MOST_VALUES,
         "charts": drawn,
-        "advice": "" if added and row["verdict"] in ADDED else _beyond_adding(row["advice"]),
+        "advice": advice,
     }
 
 
-def _beyond_adding(advice: str) -> str:
-    """Return the advice of a finding without the call to add it, which the head of the page already has."""
+def _without_adding(advice: str) -> str:
+    """Return the advice of a finding without the sentence to add it, which the head of the page shows."""
     return "" if advice == ADD else advice.removeprefix(f"{ADD}; ")
 
 

@@ -162,7 +162,8 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
     for dataset, label in words.DATASETS.items():
         steps = rows.filter(dataset=dataset).select("rmse", "effect").rows()
         if steps:
-            told = [f"{rmse:.2f} {f'with {effect}' if effect else 'as given'}" for rmse, effect in steps]
+            named = [f"with {words.effects_named(effect)}" if effect else "as given" for _, effect in steps]
+            told = [f"{rmse:.2f} {name}" for (rmse, _), name in zip(steps, named, strict=True)]
             yield (
                 f"Error on {label}, divided by that of the hull-force model on the earlier recording "
                 f"(about 1: no change is left): {', '.join(told)}."

@@ -14,7 +14,7 @@ AS_TEXT = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 @dataclass
 class Charts:
-    """Figures by their place on the page: one for each place, or one for each choice of a selector."""
+    """Figures by their place on the page: one figure, or one for each choice of a selector."""
 
     held: dict[str, list[str]] = field(default_factory=dict)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import polars as pl
 
 from hydro.core.columns import DOF, POSE, VELOCITY, WRENCH
+from hydro.core.evaluation.failure_regimes import ELSEWHERE, THROUGHOUT
 from hydro.core.evaluation.yardsticks import JUDGED, LEAST_SQUARES, LEVEL, ZERO
 from hydro.report import change, words, yardsticks
 from hydro.report.following import Call
@@ -14,8 +15,6 @@ from hydro.report.screen import EMPTY, Following, Text, laid, table
 
 MOTIONS = dict(zip(WRENCH, DOF, strict=True)) | {"all": "all axes"}
 """Names of motion for the axes of a wrench."""
-EVEN = 1.25
-"""Ratio of a regime's share of the error to its share of the time up to which the regime is not special."""
 WORST = 3
 """Number of regimes of motion that an answer names."""
 MISSING, CHANGED = "Find what is missing:", "Find what has changed:"
@@ -25,7 +24,7 @@ DIAGNOSED = ("--against",)
 
 
 def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") -> list[Text]:
-    """Return a comparison as lines of a terminal.
+    """Return the text of a comparison as lines of a terminal.
 
     Args:
         comparison: Comparison table.
@@ -102,20 +101,15 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
     """Yield a paragraph for each of the regimes of motion with most of the error above the noise floor."""
     if within_noise(comparison):
         return
-    ranked = failures(comparison).head(WORST)
-    shares = comparison.filter(pl.col("rank").is_not_null()).sort("rank").select("share", "rows")
-    rows = comparison.filter(level="force", by="all")["rows"].max()
     yield EMPTY
     yield Text("Where it fails most (share of the squared force error above the noise floor):", bold=True)
-    for told, (number, count) in zip(ranked.to_dicts(), shares.rows(), strict=False):
-        even = ", so not concentrated there" if is_even(number, count / rows) else ""
-        where = f"{told['place'][:1].upper()}{told['place'][1:]}"
-        yield Text(f"{where}: {told['error']} in {told['time']} of the time{even}.", indent=2)
+    for place, share, ratio in failures(comparison).head(WORST).select("place", "error", "ratio").rows():
+        yield Text(f"{_capital(place)}: {share}{relative(ratio)}.", indent=2)
 
 
-def is_even(share: float, time: float) -> bool:
-    """Return whether a regime has about the same share of the error as of the time, both from 0 to 1."""
-    return time / EVEN <= share <= EVEN * time
+def relative(ratio: float | None) -> str:
+    """Return words for an error in a regime, as a multiple of the axis' error in all motion; or nothing."""
+    return "" if ratio is None else f"; {ratio:.1f} times the average of this axis"
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
@@ -194,20 +188,29 @@ def worst_place(comparison: pl.DataFrame) -> str:
     ranked = failures(comparison)
     if ranked.is_empty():
         return ""
-    place, share, time = ranked.select("place", "error", "time").row(0)
-    return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained squared error in {time} of the time."
+    place, share, ratio = ranked.select("place", "error", "ratio").row(0)
+    return f"{_capital(place)}: {share} of the unexplained squared error{relative(ratio)}."
 
 
 def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:
-    """Return the rows of regimes of motion that `chosen` selects, with the axis in their description."""
-    rows = comparison.filter(level="force", by="all")["rows"].max()
+    """Return the rows of regimes of motion that `chosen` selects, with the axis in their description.
+
+    The column `time` is the share of the axis' samples.  The column `ratio` is the error relative to the
+    error of the same axis in all motion; null for a regime that is not a kind of motion.
+    """
+    whole = comparison.filter(level="force", by="all")
+    samples, average = (
+        pl.col("axis").replace_strict(whole["axis"], whole[name], default=None) for name in ("rows", "rmse")
+    )
+    special = pl.col("place").is_in([ELSEWHERE, THROUGHOUT]).not_()
     words = pl.concat_str(pl.col("axis").replace_strict(MOTIONS), pl.col("place"), separator=" ")
     return comparison.filter(chosen).select(
         "rank",
         _percent(pl.col("share")).alias("error"),
-        _percent(pl.col("rows") / rows).alias("time"),
+        _percent(pl.col("rows") / samples).alias("time"),
         *(["before"] if "before" in comparison.columns else []),
         "rmse",
+        pl.when(special).then((pl.col("rmse") / average).round(2)).alias("ratio"),
         "unit",
         words.alias("place"),
     )

@@ -27,7 +27,7 @@ class NextStep:
     Attributes:
         action: `add`, `explain`, `correct_thrusters`, `next_run`, `compare` or `fit`.
         words: The step in words, without a capital letter and a full stop.
-        effects: Effects to add by name, empty if all confirmed findings are added, or none; or to fit.
+        effects: Effects to add or to fit, by name; empty if the step adds all confirmed findings or none.
     """
 
     action: str
@@ -53,7 +53,8 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
     if stated and prediction is not None and prediction.refuted:
         steps.append(NextStep(EXPLAIN, "try single steps, and keep those that lower the error"))
     elif stated:
-        count = "this correction" if len(stated) == 1 else f"all {len(stated)} corrections"
+        few = {1: "this correction", 2: "both corrections"}
+        count = few.get(len(stated), f"all {len(stated)} corrections")
         steps.append(NextStep(ADD, f"add {count} to the vehicle file"))
     steps += [step for row in rows for step in _of_finding(row, prediction)]
     if not steps:

@@ -19,7 +19,7 @@ from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, change, errors, growth, leftover, plots, recorded, standing, words, yardsticks
 from hydro.report.charts import Charts
-from hydro.report.comparison import MOTIONS, is_even
+from hydro.report.comparison import MOTIONS, failures
 from hydro.report.figures import MEASURED, TITLES
 from hydro.report.glossary import GLOSSARY
 from hydro.report.rendering import rendered
@@ -154,15 +154,15 @@ def _last_comparison(sources: Sources) -> int:
 def _ranked(comparison: pl.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield the worst regimes of motion in order, with their shares of the error as widths of bars."""
     rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
-    everything = comparison.filter(level="force", by="all").select(pl.col("rows").max()).item()
-    for row in rows.iter_rows(named=True):
+    samples = dict(comparison.filter(level="force", by="all").select("axis", "rows").iter_rows())
+    ratios = failures(comparison)["ratio"]
+    for row, ratio in zip(rows.iter_rows(named=True), ratios, strict=True):
         yield {
             "words": words.sentence(f"{MOTIONS.get(row['axis'], row['axis'])} {row['place']}").rstrip("."),
             "share": row["share"],
             "width": 100.0 * row["share"],
-            "time": row["rows"] / (everything or row["rows"]),
-            "even": is_even(row["share"], row["rows"] / (everything or row["rows"])),
-            "kind": "moment" if row["unit"] == "N m" else "force",
+            "time": row["rows"] / samples.get(row["axis"], row["rows"]),
+            "ratio": "" if ratio is None else f"{ratio:.1f}",
             "rmse": f"{words.figure(row['rmse'])} {row['unit']}",
         }
 
@@ -270,7 +270,7 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
         "legend": [
             (label, colour, key == MEASURED) for key, (label, colour) in plots.curves(variants).items()
         ]
-        + [("95 % of what its parameters leave open", plots.BAND, True)] * (bands is not None),
+        + [("95 % band from the errors of its values", plots.BAND, True)] * (bands is not None),
         "axes": [(axis, f"{TITLES[axis]} {axis}") for axis in VELOCITY],
         "errors": list(_replay_errors(one.frame, shown, variants)),
     }

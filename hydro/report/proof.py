@@ -30,14 +30,15 @@ OURS, OTHERS, TRUE = figures.COLOURS[2], "#9A9A9A", "#222222"
 
 @dataclass(frozen=True)
 class Shown:
-    """Results of one change.
+    """Results of one change of the vehicle, as drawn in a row of the figure.
 
     Attributes:
-        errors: `method` and `error` [m/s].
-        named: `value`, `given`, `found`, `low`, `high`, `true`; values that are only refitted are not drawn.
-        pooled: Arrivals over all seeds: `flown_by`, `file`, `vehicle`, `seeds`, `episodes`, `success`,
-            `success_low`, `success_high`.
-        flights: Arrivals by seed: `flown_by`, `file`, `vehicle`, `success`.
+        errors: Held-out error by method; columns `method` and `error` [m/s].
+        named: Found values, with the columns `value`, `given` (in the file), `found`, `low`, `high`, `true`;
+            values that are only refitted are not drawn.
+        pooled: Arrivals of policies over all seeds; columns `flown_by`, `file`, `vehicle`, `seeds`,
+            `episodes`, `success`, `success_low`, `success_high`.
+        flights: Arrivals of policies by seed; columns `flown_by`, `file`, `vehicle`, `success`.
         ours: Methods of hydro.
         missing: Methods that were not run, with the reason.
     """

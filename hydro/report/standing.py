@@ -66,7 +66,7 @@ class Standing:
 
 
 def chosen_step(sources: Sources) -> int | None:
-    """Return the number of the step to use; without a ladder, that of the last comparison or diagnosis.
+    """Return the number of the study's step to use; without a ladder, of the last comparison or diagnosis.
 
     None if the report has no table.
     """

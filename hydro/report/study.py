@@ -169,7 +169,7 @@ def deciding(step: Step) -> str:
             return f"error {words.figure(left['rmse'][0])} m/s {place}"
         place = WHERE["fit"]
     if not (times := rows.filter(axis=FLOOR)).is_empty():
-        return f"error {times['rmse'][0]:.2f} times the floor {place}"
+        return f"error {times['rmse'][0]:.2f} times that before the change, {place}"
     ahead = rows.filter(horizon=HORIZON)
     whole = ahead.filter(axis=ladder.measured(ahead)[-1])
     return f"error {words.figure(whole['rmse'][0])} {whole['unit'][0]} {place}"

@@ -233,7 +233,7 @@ def percent(share: float | None) -> str:
 
 
 def between(low: float, high: float) -> str:
-    """Return an interval of shares (0 to 1) in percent, `63 to 71 %`; one number if both ends look alike."""
+    """Return an interval of shares (0 to 1) in percent, `63 to 71 %`; one number if both round alike."""
     first, last = percent(low), percent(high)
     return first if first == last else f"{first.removesuffix(' %')} to {last}"
 

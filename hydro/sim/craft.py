@@ -58,7 +58,7 @@ class Control(NamedTuple):
         program: Program of the network.
         weights: Weights of the network.
         states: States of each vehicle, (N, states).
-        felt: Index of the network's velocity input in the state of motion.
+        felt: Index, in the state of motion, of the velocity that the network takes as input.
     """
 
     block: Array

@@ -190,7 +190,7 @@ class StudentPlant:
 
 @kernel
 def upright(state: Array, pose: Array) -> None:
-    """Copy a position and a quaternion; of the two equal attitudes q and -q, the one with w >= 0 is written.
+    """Copy a position and a quaternion, with the sign of the quaternion changed if needed so that w >= 0.
 
     Args:
         state: Position [m] and quaternion w x y z, (7,).

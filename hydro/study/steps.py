@@ -160,7 +160,7 @@ class Runner:
         self._took.setdefault(step.kind or step.line[:1], []).append(seconds)
         self._todo = [other for other in self._todo if other != step]
         names = ", ".join(path.name for path in step.writes)
-        self._message(f"  {seconds:.1f} s: {names}{self._left(workers)}")
+        self._message(f"  wrote {names} in {seconds:.1f} s{self._left(workers)}")
 
     def _left(self, workers: int) -> str:
         """Return the number of remaining steps and their time, estimated from steps of the same kind."""
@@ -174,7 +174,7 @@ class Runner:
             if not alike:
                 return f"; steps left: {len(self._todo)}"
             seconds += sum(alike) / len(alike)
-        return f"; steps left: {len(self._todo)}, some {_duration(seconds / workers)}"
+        return f"; steps left: {len(self._todo)}, about {_duration(seconds / workers)}"
 
     def _digest(self, path: Path) -> str:
         """Return the SHA-256 of a file, computed again only if the file has changed."""

@@ -150,7 +150,7 @@ def test_stated_findings_share_the_command_that_adds_all():
     text = answer(
         [missing("thruster_gain"), missing("ocean_current")], call=replace(CALL, output="d.parquet")
     )
-    assert "Next: add all 2 corrections to the vehicle file:" in text
+    assert "Next: add both corrections to the vehicle file:" in text
     assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
 
 

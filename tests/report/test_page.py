@@ -101,7 +101,7 @@ def test_a_diagnosis_of_log_faults_alone_has_the_first_fault_as_headline() -> No
 
 def test_failure_regimes_before_and_after_are_side_by_side(page: dict[str, str]) -> None:
     assert "Sway while turning right above 0.8 m/s 60 % in 20 % of the time" in page["places"]
-    assert "unexplained force 90.0 N" in page["places"]
+    assert "in 20 % of the time; 90.0 N, 1.8 times the average" in page["places"]
     before, after = page["places"].split("With the findings added")
     assert "turning right" in before
     assert "Sway while braking 60 %" in after

@@ -23,7 +23,7 @@ ROWS = pl.DataFrame(
 
 def test_the_ranked_regime_is_named_with_its_share() -> None:
     assert worst_place(ROWS).endswith(
-        "at high speed: 60 % of the unexplained squared error in 25 % of the time."
+        "at high speed: 60 % of the unexplained squared error; 1.5 times the average of this axis."
     )
 
 

@@ -19,6 +19,7 @@ from hydro.core.audit.hypotheses import FACTORS, INERTIA, SPREAD, Posterior, eff
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
+from hydro.core.effects import wording
 from hydro.core.errors import in_shell, listed
 from hydro.core.interval import NORMAL_95
 from hydro.core.recording.arrays import Recording
@@ -130,7 +131,7 @@ class ThrusterAudit:
         if not self.wrong:
             clear = _places(self.clear)
             verb = "pushes" if len(clear) == 1 else "push"
-            return f"{_thrusters(clear)} {verb} as the file says"
+            return f"{wording.group(i + 1 for i in clear)} {verb} as the file says"
         if self.wiring.is_plain:
             likely = ", or ".join(
                 f"{self._told(wiring)} ({100 * chance:.0f} %)" for wiring, chance in self.alternatives

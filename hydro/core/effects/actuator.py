@@ -138,7 +138,10 @@ def propeller_torque(p: Array, table: Array) -> None:
 
 
 def common_gain(table: Mapping[str, Any], vehicle: Vehicle) -> list[dict[str, Any]]:
-    """Return the gains as one common factor, their mean; empty for a table that already has one."""
+    """Return a `thruster_gain` table with one common gain, the mean of the gains in `table`.
+
+    The list is empty if `table` has a common gain already.
+    """
     if "g" not in table:
         return []
     return [{"name": "thruster_gain", "common": float(np.mean(table["g"]))}]
@@ -150,37 +153,41 @@ def thrusters(vehicle: Vehicle) -> list[Thruster]:
 
 
 def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a change of lag: down to no lag, or to the source's integration step; up to 3 s."""
+    """Return the admissible change of the thrusters' time constant [s], minimum and maximum.
+
+    The minimum leaves no thruster with a negative time constant.  If the vehicle file gives the integration
+    step of the simulator that wrote the log, the time constant stays above two of these steps.
+    """
     shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in thrusters(vehicle)]
     return -max(min(shortest, default=0.0), 0.0), 3.0
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a change of delay: down to no delay, up to 2 s."""
+    """Return the admissible change of the command delay [s]: minus the file's delay to 2 s."""
     return -min((t.delay for t in thrusters(vehicle)), default=0.0), 2.0
 
 
 def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a change of dead band: from none to nine tenths of the command."""
+    """Return the admissible change of the dead band; the sum is from 0 to 0.9 of full command."""
     bands = [t.deadband for t in thrusters(vehicle)] or [0.0]
     return -min(bands), 0.9 - max(bands)
 
 
 def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a change of the curve's exponent: from the root to the fourth power."""
+    """Return the admissible change of the curve's exponent; the sum is LEAST_POWER to MOST_POWER."""
     powers = [curve_power(thruster) for thruster in thrusters(vehicle)] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
 def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str, source: str) -> Plausible:
-    """Return the plausible range of a change of a thruster's number.
+    """Return the plausible range of a parameter that is added to a value of the thrusters, such as a delay.
 
-    The sum of the file's value and the change must lie between `low` and `high`.
+    The sum of the file's value and the parameter must lie between `low` and `high`.
 
     Args:
         low: Minimum of the sum.
         high: Maximum of the sum.
-        of: Function that returns the file's value of a thruster.
+        of: Function that returns the file's value of one thruster.
         words: Description of the range.
         source: Source of the range.
     """
@@ -193,7 +200,7 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 
 
 def within(room: Room) -> Limits:
-    """Return the bounds of a fit, from a function of the vehicle that returns them."""
+    """Return `Parameter.limits`, bounds in a fit, from a function that gives the range for a vehicle."""
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return room(rest.vehicle)
@@ -202,7 +209,10 @@ def within(room: Room) -> Limits:
 
 
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark that a lag smaller by up to 1.5 samples is caused by the log."""
+    """Return a remark that thrusters faster than modelled by up to 1.5 samples may be caused by the log.
+
+    None for any other change `dT` [s] of the time constant.
+    """
     quicker = -float(parameters["dT"])
     if 0.0 < quicker <= HALF * dt:
         return (
@@ -219,7 +229,12 @@ def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark that a whole exponent is the other named curve of a file."""
+    """Return a remark if the file's thrust curve is linear instead of quadratic, or the reverse; else None.
+
+    Args:
+        parameters: Fitted change `da` of the curve's exponent.
+        dt: Sample time [s]; not used.
+    """
     power = float(parameters["da"])
     if abs(abs(power) - 1.0) >= PLAIN:
         return None

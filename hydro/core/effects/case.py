@@ -22,12 +22,13 @@ ONE_SAMPLE = 1.05
 
 
 class Quantity(NamedTuple):
-    """Number of an effect.
+    """Fitted number of an effect, with the value in the vehicle file.
 
     Attributes:
-        value: The value.
-        error: Its standard error; NaN if unknown or held, infinite without a value.
-        before: The file's value, 0 if it has none.
+        value: Fitted value.
+        error: Standard error of `value`; NaN if unknown, or if the value was held fixed; infinite if the fit
+            gives no value.
+        before: Value in the vehicle file; 0 if the file has none.
     """
 
     value: float
@@ -48,23 +49,23 @@ class Quantity(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether it differs significantly from the file's value."""
+        """Whether the value differs significantly from the file's value."""
         return self.deviations > CLEAR
 
     def times(self, factor: float) -> Quantity:
-        """Return the quantity in another unit."""
+        """Return the quantity multiplied by a factor, for example to change its unit."""
         return Quantity(self.value * factor, self.error * abs(factor), self.before * factor)
 
     def text(self, unit: str = "") -> str:
-        """Write the value with unit and error."""
+        """Write the value with its unit and standard error."""
         return wording.quantity(self.value, self.error, unit)
 
     def size(self, unit: str = "") -> str:
-        """Write the absolute value with unit and error."""
+        """Write the absolute value with its unit and standard error."""
         return wording.quantity(abs(self.value), self.error, unit)
 
     def changed(self, unit: str = "") -> str:
-        """Write the absolute difference from the file's value with unit and error."""
+        """Write the absolute difference from the file's value, with its unit and standard error."""
         return wording.quantity(abs(self.change), self.error, unit)
 
 
@@ -73,12 +74,13 @@ class Case:
     """Values of one effect, and the vehicle file as given.
 
     Attributes:
-        vehicle: The file.
-        name: The effect, with its label if it has one.
-        values: Its table, or the fitted part of it.
-        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for held values.
+        vehicle: The vehicle file.
+        name: Name of the effect, with its label if it has one.
+        values: `[[effect]]` table with the fitted values, or a part of that table.
+        errors: Standard errors in the shape of `values`; they may be missing, NaN, or 0 for values held
+            fixed.
         dt: Sample time of the log [s].
-        before: The file's table of the effect; None if it has none.
+        before: The vehicle file's `[[effect]]` table of the effect; None if the file lacks the effect.
         brief: Whether the sentence is for a headline: only the most significant of several components.
     """
 
@@ -92,7 +94,7 @@ class Case:
 
     @property
     def in_file(self) -> bool:
-        """Whether the file has the effect."""
+        """Whether the vehicle file has the effect."""
         return self.before is not None
 
     @property
@@ -101,15 +103,20 @@ class Case:
         return all((np.abs(_numbers(value)) < LARGEST).all() for value in self.values.values())
 
     def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
-        """Return the file's entry of a parameter, zeros if it has none."""
+        """Return a parameter's value in the vehicle file; zeros if the file has none.
+
+        Args:
+            key: Name of the parameter.
+            shape: Shape of the result; () for a number.
+        """
         return _shaped((self.before or {}).get(key, 0.0), shape, 0.0)
 
     def one(self, key: str) -> Quantity:
-        """Return a parameter that is one number; if not given, the file's value or 0."""
+        """Return the fitted value of a parameter that is one number; without it, the file's value or 0."""
         return self.many(key, ())[0]
 
     def many(self, key: str, shape: tuple[int, ...]) -> list[Quantity]:
-        """Return the entries of a parameter, row by row."""
+        """Return the fitted components of a parameter of a given shape, row by row."""
         before = self.of_file(key, shape)
         given = key in self.values
         values = _shaped(self.values[key], shape, math.nan) if given else before
@@ -122,18 +129,21 @@ class Case:
         ]
 
     def error_of(self, key: str, shape: tuple[int, ...]) -> list[float]:
-        """Return the standard errors of a parameter as given, row by row; NaN if missing."""
+        """Return the standard errors of a parameter's components, row by row; NaN where none is given."""
         errors: list[float] = _shaped(self.errors.get(key, math.nan), shape, math.nan).ravel().tolist()
         return errors
 
     def sampled(self, time: float) -> str:
-        """Return a remark on a time [s] of at most one sample of the log; else empty."""
+        """Return a remark if a time [s] is at most one sample of the log; else an empty text."""
         short = 0.0 < abs(time) <= ONE_SAMPLE * self.dt
         return ", no more than one sample of the log" if short else ""
 
 
 def estimate(value: float, error: float, before: float = 0.0) -> Quantity:
-    """Return a quantity; a value that is not a number becomes the file's, with an infinite error."""
+    """Return a quantity from a fitted value, its standard error and the file's value.
+
+    A value that is not finite is replaced by the file's value with an infinite error.
+    """
     if not abs(value) < LARGEST:
         return Quantity(before, math.inf, before)
     return Quantity(value, math.nan if math.isnan(error) or error <= 0.0 else error, before)

@@ -73,12 +73,12 @@ ROUNDING = 1e-6
 
 
 def with_role(role: Role) -> tuple[str, ...]:
-    """Return the names of the effects with a role."""
+    """Return the names of the effects that have a role, see `record.Role`."""
     return tuple(name for name, effect in CATALOGUE.items() if role in effect.roles)
 
 
 class Entry(NamedTuple):
-    """Effect of a vehicle: its record, packed parameters and path in the file."""
+    """Effect of a vehicle: record in the catalogue, packed parameters, and path in the vehicle file."""
 
     effect: Effect
     parameters: Array
@@ -120,13 +120,13 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
     Args:
         vehicle: The vehicle.
-        listed: Its `entries`, if available; as in the functions below.
+        listed: Result of `entries` for this vehicle, if already computed; likewise in the functions below.
 
     Returns:
         (6, 6) symmetric matrix about CO [kg, kg m, kg m^2].
 
     Raises:
-        DataError: A parameter is not valid in the catalogue.
+        DataError: A parameter of an effect has an invalid value.
     """
     total = np.zeros((6, 6))
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -147,8 +147,8 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """Return the motion of the water, NED, (7,): the sum of the vehicle's `flow` effects.
 
-    It is the velocity at z = 0 and t = 0 [m/s], and the gradients of its horizontal components with depth
-    [1/s] and with time [m/s^2].
+    Three components of the velocity at depth z = 0 and time t = 0 [m/s], then the gradients of the north and
+    east components with depth [1/s], two, and with time [m/s^2], two.
     """
     flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -160,7 +160,7 @@ def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """Return the (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects.
 
-    These act on thrusters only, not on servos.
+    The effects change rows of thrusters only, not of servos.
 
     Raises:
         DataError: A thruster is misplaced, or the effects in sum give an impossible time constant, delay or
@@ -179,7 +179,10 @@ def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return DVL errors and reference point as numbers, (16,), from the vehicle's `sensor` effects."""
+    """Return the DVL's errors and reference point, (16,), from the `sensor` effects of a vehicle.
+
+    `core.effects.sensor` has the layout.
+    """
     log = np.zeros(sensor.ROW)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.sensor is not None:
@@ -188,12 +191,15 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
 
 
 def wholly_known(vehicle: Vehicle, name: str) -> bool:
-    """Return whether a vehicle has an effect and holds all of it as known."""
+    """Return whether a vehicle has an effect with all parameters marked as known."""
     return any(CATALOGUE[name].wholly_known(table) for table in vehicle.effects(name))
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return the effects of the file that are refitted first: all but inertia, known and random ones."""
+    """Return the names of the file's effects that are refitted before a diagnosis.
+
+    Effects of kind `inertia`, random effects, and effects that are wholly known are left out.
+    """
     names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
     return tuple(
         name
@@ -205,17 +211,17 @@ def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
-    """Return the table entries that hold effects, or some of their parameters, as known.
+    """Return entries of `[[effect]]` tables that mark effects, or single parameters, as known.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: The vehicle, which has the effects.
         names: `effect` or `effect.parameter`.
 
     Returns:
-        `name` and `known` for each named effect.
+        `name` and `known` for each named effect; `known` includes what the vehicle file marks already.
 
     Raises:
-        DataError: The vehicle has no effect, or the effect no parameter, of a name.
+        DataError: The vehicle lacks a named effect, or the effect has no such parameter.
     """
     held = dict[str, frozenset[str]]()
     for text in names:
@@ -245,9 +251,9 @@ def implausible(
     Args:
         vehicle: The vehicle.
         names: Effects to check; by default all.
-        errors: Standard errors by parameter: values within DOUBT of them count as plausible, as do values
-            without a finite one.
-        least: Distance from the middle of the range, in half widths, above which a value is reported.
+        errors: Standard errors by parameter.  A value outside the range by less than DOUBT standard errors
+            counts as plausible, and so does a value without a finite standard error.
+        least: Least reported distance from the middle of the range, in half widths of the range.
     """
     found = []
     for table in vehicle.effect:

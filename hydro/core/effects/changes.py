@@ -38,7 +38,13 @@ def with_payload(vehicle: Vehicle, mass: float, weight: float, place: Sequence[f
 
 
 def weakened(vehicle: Vehicle, thruster: int, loss: float) -> Vehicle:
-    """Return the vehicle with a share of the thrust of one of its thrusters lost; 1 for a dead thruster."""
+    """Return the vehicle with one weakened thruster.
+
+    Args:
+        vehicle: The vehicle.
+        thruster: Index of the thruster, from 0.
+        loss: Lost share of its present thrust; 1 for a dead thruster.
+    """
     gains = [0.0] * len(vehicle.thruster)
     gains[thruster] = -loss * (1.0 + float(thruster_table(vehicle)[thruster, GAIN]))
     return _with(vehicle, {"name": "thruster_gain", "g": gains})

@@ -125,7 +125,12 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
 
 
 def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table]]:
-    """Return tables without a gradient, about the mean depth (column 2) or time (column 3) of a recording."""
+    """Return a function that proposes a parameter's initial value: the recording's mean depth or time.
+
+    Args:
+        name: Parameter, the reference depth z_0 or time t_0.
+        column: 2 for the depth, 3 for the time, in the positions and times (N, 4) of the recording.
+    """
 
     def start(vehicle: Vehicle, reach: Array | None) -> list[Table]:
         return [{name: 0.0 if reach is None else round(float(np.median(reach[:, column])), 1)}]
@@ -134,7 +139,15 @@ def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table
 
 
 def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible) -> tuple[Parameter, ...]:
-    """Return parameters for the gradients of the northward and eastward current with depth or time."""
+    """Return the two parameters for the gradient of the north and east current with depth or time.
+
+    Args:
+        names: First part of the parameters' names.
+        unit: Unit of the gradients.
+        over: `depth` or `time`, in words.
+        scale: Significant size, in `unit`.
+        plausible: Plausible range.
+    """
     return tuple(
         Parameter(
             f"{names}_{axis[0].upper()}",
@@ -164,7 +177,7 @@ def current_sentence(case: Case) -> str:
 
 
 def shear_sentence(case: Case) -> str:
-    """State the gain of the current per metre of depth."""
+    """State the increase of the current per metre of depth."""
     now, old, clear = horizontal_change(case.one("g_N"), case.one("g_E"), "m/s")
     if not clear:
         return undetermined(case, "the gain of the current per metre of depth", now)
@@ -175,7 +188,7 @@ def shear_sentence(case: Case) -> str:
 
 
 def trend_sentence(case: Case) -> str:
-    """State the gain of the current per minute."""
+    """State the increase of the current per minute."""
     now, old, clear = horizontal_change(case.one("a_N"), case.one("a_E"), "m/s", 60.0)
     if not clear:
         return undetermined(case, "the gain of the current per minute", now)

@@ -166,19 +166,19 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 
 
 def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return bounds that keep the diagonal of total linear damping at least 0."""
+    """Return the bounds of a fitted component that keep total linear damping at least 0 on the diagonal."""
     if len(set(index)) > 1:
         return -math.inf, math.inf
     return -float(rest.linear[index[0], index[0]]), math.inf
 
 
 def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return bounds that keep the diagonal of total quadratic damping at least 0."""
+    """Return the bounds of a fitted component that keep total quadratic damping at least 0."""
     return -float(rest.quadratic[index[0]]), math.inf
 
 
 def raised_across(i: int) -> Plausible:
-    """Return the range of drag along or about an axis, for the total speed at the hull's box."""
+    """Return the plausible range of a cross-axis drag on axis `i`, from 0 to the drag of the hull's box."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         return 0.0, float(most_cross_drag(vehicle)[i])
@@ -187,29 +187,39 @@ def raised_across(i: int) -> Plausible:
 
 
 def at_powers(powers: Sequence[float]) -> Shapes:
-    """Return shapes with six drags for each of some exponents."""
+    """Return trial shapes of `power_drag`: for each given exponent, a column for each of the six axes."""
     return lambda vehicle, reach: (along(POWER_DRAG, "diagonal", without_drag(n), vehicle) for n in powers)
 
 
 def without_drag(n: float) -> Table:
-    """Return a drag with an exponent and zero coefficients."""
+    """Return a `power_drag` table with exponent `n` and zero coefficients."""
     return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
 
 
 def nearest_plain(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return linear or quadratic damping, whichever is closer to the exponent."""
+    """Return linear or quadratic damping with the same coefficients as a `power_drag` table.
+
+    The exponent of the table decides which of the two is closer.
+    """
     plain = LINEAR_DAMPING if table["n"] < NEARER else QUADRATIC_DAMPING
     return [{"name": plain.name, "diagonal": list(table["diagonal"])}]
 
 
 def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return small drags ahead, astern, above and below: with zero drag, its point has no influence."""
+    """Return initial tables of `offset_drag`: small drags at points ahead, astern, above and below CO.
+
+    The drag is not zero, because the point of a zero drag has no influence on the motion.
+    """
     little, lever = np.full(3, 0.05 * vehicle.rigid_body.mass), LEVER * vehicle.hull.length
     return [_part(little, sign * lever * np.eye(3)[axis]) for axis in (0, 2) for sign in (-1.0, 1.0)]
 
 
 def drags_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield three drags, and their moments about the two other axes: nearly linear in slow turns."""
+    """Yield one trial shape of `offset_drag`, with nine columns.
+
+    Three columns are a drag along each axis at CO.  Six are the same drags displaced along each of the two
+    other axes.  In slow turns the force is nearly linear in these coefficients.
+    """
     drag, length, axes = 0.5 * vehicle.rigid_body.mass, vehicle.hull.length, np.eye(3)
     levers = [(i, j) for i in range(3) for j in range(3) if j != i]
 

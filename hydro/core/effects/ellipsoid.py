@@ -114,12 +114,19 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
 
 
 def at_the_center(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return a typical ellipsoid about the hull's centre: with zero drag, its place has no influence."""
+    """Return the initial table of `ellipsoid_drag`: a typical ellipsoid about the hull's centre.
+
+    The drag is not zero, because the place of a zero drag has no influence on the motion.
+    """
     return [_ellipsoid(np.full(3, TYPICAL), np.array(vehicle.hull.center, float))]
 
 
 def coefficients_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield the three drags about the hull's centre, and their sum displaced along each axis."""
+    """Yield one trial shape of `ellipsoid_drag`, with six columns.
+
+    Three columns are a drag along each axis about the hull's centre.  Three are equal drags along all axes
+    about a centre displaced along each axis.
+    """
     center, axes = np.array(vehicle.hull.center, float), np.eye(3)
     lever = LEVER * np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
 
@@ -135,7 +142,7 @@ def coefficients_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[
 
 
 def nearest_damping(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return the quadratic damping that is equal along and about each axis alone."""
+    """Return the quadratic damping with the ellipsoid's force in motion along or about a single axis."""
     hull, center = vehicle.hull, np.array(table.get("position", np.zeros(3)), float)
     packed, constants = np.concatenate([table["C"], center]), np.zeros(HULL + 3)
     constants[DENSITY] = vehicle.environment.water_density

@@ -95,7 +95,15 @@ def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 
 
 def parsed(term: Any, where: str = "formula") -> tuple[Array, int]:
-    """Parse a term to the kernel's row (ROW,), its exponents numbered -1, -2, ...; also return their number.
+    """Parse a term of a formula.
+
+    Args:
+        term: Term as in a vehicle file, such as `Y |v|^1.4 v`.
+        where: Path in the vehicle file, for the error.
+
+    Returns:
+        Row of the kernel, (ROW,), with -1, -2, ... in place of exponents that a fit may change; and the
+        number of these exponents.
 
     Raises:
         DataError: The term is invalid.
@@ -139,9 +147,15 @@ def _power(found: re.Match[str], where: str, term: str) -> tuple[float | None, f
 
 
 def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
-    """Return all terms of a table in the kernel's form, after their number, and the lengths of parameters.
+    """Return all terms of a formula in the form that the kernel reads, and the lengths of its parameters.
 
-    The lengths include `last_command`, the number of the last command in a term, 0 for none.
+    Args:
+        table: `[[effect]]` table of the formula.
+        where: Path of the table, for errors.
+
+    Returns:
+        Number of terms, followed by the row of each term; and the numbers of forces, moments and exponents,
+        with `last_command`, the number of the last thruster command in use (0 for none).
 
     Raises:
         DataError: A term is invalid, or a force is listed with the moments.
@@ -182,7 +196,7 @@ def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[
 
 
 def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Return terms of a formula with coefficients, zero if missing, and free exponents, forces first."""
+    """Return the terms of a formula: text, coefficient (0 if missing) and free exponents; forces first."""
     powers, found = iter(table.get("exponents", ())), []
     for group, values in GROUPS:
         terms = table.get(group, ())
@@ -193,9 +207,9 @@ def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...
 
 
 def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Join formulas to one, with all forces first and then all moments.
+    """Return one formula with the terms of several formulas, all forces before all moments.
 
-    The exponents keep the order of their terms.
+    Each term keeps its coefficient and exponents.
     """
     every = [term for table in tables for term in amounts(table)]
     forces, moments = ([one for one in every if (one[0][0] in AXES[:3]) is force] for force in (True, False))
@@ -206,7 +220,13 @@ def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def as_drag(force: bool) -> Plausible:
-    """Return the range up to the drag of the hull's box at 1 m/s or 1 rad/s, or to the weight if larger."""
+    """Return the plausible range of a coefficient: the drag of the hull's box, or the weight if larger.
+
+    The drag is that at 1 m/s or 1 rad/s; either sign is allowed.
+
+    Args:
+        force: Whether the coefficient is of a force [N], otherwise of a moment [N m].
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         weight = vehicle.rigid_body.mass * vehicle.environment.gravity
@@ -220,7 +240,7 @@ def as_drag(force: bool) -> Plausible:
 
 
 def formula_sentence(case: Case) -> str:
-    """State the coefficient of each term, in the words of the file for the term."""
+    """State the coefficient of each term, with the term as the vehicle file writes it."""
     whole = {**(case.before or {}), **case.values}
     powers = iter(case.many("exponents", (sum(parsed(text)[1] for text in every_term(whole)),)))
     entries = []

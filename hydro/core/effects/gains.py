@@ -27,7 +27,10 @@ SHARED = 2.0 / 3.0
 
 
 class Thrust(NamedTuple):
-    """Thrust of one thruster relative to the file, with standard error; `number` from 1."""
+    """Thrust of one thruster as a share of its thrust in the vehicle file, with the standard error.
+
+    `number` counts thrusters from 1.
+    """
 
     number: int
     share: float
@@ -35,16 +38,16 @@ class Thrust(NamedTuple):
 
     @property
     def percent(self) -> str:
-        """The share in whole percent with its error, if that is known."""
+        """Share in whole percent, with its standard error if known."""
         error = max(100.0 * self.error, 1.0) if self.error > 0.0 else self.error
         return quantity(100.0 * self.share, error, "%")
 
     def differs(self, share: float) -> bool:
-        """Return whether it differs significantly from a share."""
+        """Return whether the thrust differs significantly from `share`."""
         return abs(self.share - share) > max(ALIKE, CLEAR * self.error)
 
     def at(self, share: float) -> bool:
-        """Return whether it is close enough to a share to be called that."""
+        """Return whether the thrust is close enough to `share` to be stated as that share."""
         off = abs(self.share - share)
         return off <= NEAREST or off + CLEAR * self.error <= CLOSE
 
@@ -69,12 +72,12 @@ def gains_sentence(case: Case) -> str:
 
 
 def joined(clauses: Sequence[str]) -> str:
-    """Return clauses as one sentence."""
+    """Return clauses as one sentence with a full stop."""
     return f"{capital('; '.join(clauses))}."
 
 
 def not_determined(numbers: Sequence[int]) -> str:
-    """Say which thrusters' gains a log does not determine."""
+    """State which thrusters' gains a log does not determine, by the thrusters' numbers."""
     return f"{capital(group(numbers))} {'are' if len(numbers) > 1 else 'is'} not determined by this log."
 
 
@@ -96,13 +99,21 @@ def mean(numbers: Sequence[float]) -> float:
 
 
 def against(number_: int, gain: float, error: float, before: float) -> Thrust:
-    """Return thrust relative to the file's thrust, or to the nominal thrust if the file has none."""
+    """Return the thrust of a thruster relative to the file's thrust.
+
+    Args:
+        number_: Number of the thruster, from 1.
+        gain: Fitted gain g; the thrust is 1 + g of the nominal thrust.
+        error: Standard error of `gain`.
+        before: Gain in the vehicle file.  If the file's thrust is near zero, the result is relative to the
+            nominal thrust.
+    """
     modelled = 1.0 + before if 1.0 + before > NEAREST else 1.0
     return Thrust(number_, (1.0 + gain) / modelled, error / modelled)
 
 
 def file_gains(case: Case) -> list[tuple[int, float]]:
-    """Return the indices of the thrusters, and their gains in the file."""
+    """Return the index, from 0, of each thruster that is no servo, with its gain in the vehicle file."""
     count = len(case.vehicle.thruster)
     key = "common" if "common" in (case.before or {}) else "g"
     gains = case.of_file(key, (count,)).tolist()
@@ -110,9 +121,9 @@ def file_gains(case: Case) -> list[tuple[int, float]]:
 
 
 def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
-    """Return the thrust of the thrusters that a log determines, and the numbers of the others.
+    """Return the thrusts that a log determines, and the numbers of the other thrusters.
 
-    An error of 0 belongs to a held gain, which is known.
+    A gain with a standard error of 0 was held fixed, and counts as determined.
     """
     gains = case.many("g", (len(case.vehicle.thruster),))
     errors = case.error_of("g", (len(gains),))
@@ -128,7 +139,13 @@ def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
 
 
 def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[str]:
-    """Return clauses on dead, reversed and odd thrusters, and on the remaining ones."""
+    """Return clauses on the thrust of thrusters: dead and reversed thrusters first, then the others.
+
+    Args:
+        found: Thrusts that the log determines.
+        most: Maximum number of thrusters that are described one by one.
+        some_unknown: Whether the log leaves the thrust of further thrusters undetermined.
+    """
     dead = [one for one in found if one.at(0.0)]
     backward = [one for one in found if one.share < 0.0 and one not in dead]
     whole = [one for one in backward if one.at(-1.0)]
@@ -156,12 +173,19 @@ def named(some: Sequence[Thrust]) -> str:
 
 
 def verb(some: Sequence[Thrust], one: str, several: str) -> str:
-    """Return the form of a verb for one or several thrusters."""
+    """Return the verb form `one` for a single thruster, `several` for more."""
     return one if len(some) == 1 else several
 
 
 def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: bool) -> list[str]:
-    """Return clauses on thrusters that push forward: the odd ones, and the thrust of the others."""
+    """Return clauses on thrusters that push forward: deviating thrusters, and the common thrust of the rest.
+
+    Args:
+        forward: Thrusts, all positive.
+        most: Maximum number of thrusters that are described one by one.
+        after: Whether clauses on other thrusters come before these clauses.
+        some_unknown: Whether the log leaves the thrust of further thrusters undetermined.
+    """
     middle, error = median(one.share for one in forward), median(one.error for one in forward)
     alike = [one for one in forward if not one.differs(middle)]
     nominal = abs(middle - 1.0) <= max(ALIKE, CLEAR * error)
@@ -180,7 +204,7 @@ def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: 
 
 
 def besides(one: Thrust, middle: float) -> str:
-    """Compare a thruster with the factor of the others."""
+    """Compare a thruster with the common factor `middle` of the others: "thruster 3 another 35 % less"."""
     percent = round(100.0 * (one.share / middle - 1.0))
     return f"thruster {one.number} another {abs(percent)} % {'less' if percent < 0 else 'more'}"
 
@@ -193,7 +217,15 @@ def by_distance(some: Sequence[Thrust], share: float) -> list[Thrust]:
 def one_by_one(
     odd: Sequence[Thrust], others: Sequence[Thrust], most: int, after: bool, some_unknown: bool
 ) -> list[str]:
-    """Return clauses on single thrusters, and the range of the others."""
+    """Return clauses on single deviating thrusters, and a clause with the range of all others.
+
+    Args:
+        odd: Thrusters whose thrust differs significantly from the file's.
+        others: Thrusters whose thrust does not.
+        most: Maximum number of thrusters that are described one by one.
+        after: Whether clauses on other thrusters come before these clauses.
+        some_unknown: Whether the log leaves the thrust of further thrusters undetermined.
+    """
     first, rest = by_distance(odd, 1.0)[:most], by_distance(odd, 1.0)[most:]
     clauses = []
     if first:
@@ -215,6 +247,6 @@ def one_by_one(
 
 
 def span(some: Sequence[Thrust]) -> str:
-    """Return the range of some shares in percent."""
+    """Return the range of several thrusts in percent, as in `98 to 102`."""
     low, high = (number(round(100.0 * end(one.share for one in some))) for end in (min, max))
     return low if low == high else f"{low} to {high}"

@@ -188,9 +188,15 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
-    """Return the indices of a fin's commands in the state of motion, after their number; and lengths.
+    """Return the servo commands that a fin follows, in the form that the kernel reads.
 
-    The lengths include `last_command`, the number of the last of them, 0 for none.
+    Args:
+        table: `[[effect]]` table of the fin.
+        where: Path of the table, for errors.
+
+    Returns:
+        Number of commands, followed by the index of each in the state of motion (`layout.COMMANDS`); and the
+        number of commands, with `last_command`, the number of the last command in use (0 for none).
 
     Raises:
         DataError: A command is not one of `c1 c2 ...`, or is listed twice.
@@ -209,7 +215,11 @@ def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict
 
 
 def keeps_crossflow(which: int) -> Limits:
-    """Return bounds that keep a total coefficient at least 0."""
+    """Return the bounds of a fitted cross-flow coefficient that keep the total coefficient at least 0.
+
+    Args:
+        which: 0 for the sideways coefficient, 1 for the vertical one.
+    """
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return -float(rest.crossflow[which]), math.inf
@@ -218,7 +228,10 @@ def keeps_crossflow(which: int) -> Limits:
 
 
 def as_a_wing(i: int, j: int) -> Plausible:
-    """Return the range of an entry of L: a wing of the hull's side or bottom area, near CO."""
+    """Return the plausible range of the lift coefficient L[i,j], of either sign.
+
+    The limit is the lift of a wing near CO as large as the hull's side or bottom.
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         arms = (i >= 3) + (j >= 3)
@@ -236,20 +249,29 @@ def plain_area(vehicle: Vehicle) -> float:
 
 
 def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of areas up to that of the hull's side or bottom [m^2]."""
+    """Return the plausible range of a fin's area [m^2]: from 0 to the area of the hull's side or bottom."""
     return 0.0, vehicle.hull.length * max(vehicle.hull.width, vehicle.hull.height)
 
 
 def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return a small elevator and a small rudder astern: with zero area, its place has no influence."""
+    """Return initial tables of `control_surface`: a small elevator and a small rudder at the stern.
+
+    The area is not zero, because the place of a fin without area has no influence on the motion.
+    """
     aft = np.array([AFT * vehicle.hull.length, 0.0, 0.0])
     return [_fin(0.2 * plain_area(vehicle), aft, roll) for roll in (0.0, 0.5 * math.pi)]
 
 
 def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
-    """Return shapes for some rolls and stations: a fin's area, its moment along the span, its deflection.
+    """Return trial shapes of `control_surface` for fins at given rolls and stations.
 
-    A fin at CO is excluded: its negative area would explain errors of fins ahead and astern.
+    Columns are the fin's area, its moment along the span and its fixed deflection; further shapes let the fin
+    follow a servo command that no effect uses yet.  No fin is tried at CO, because its negative area would
+    explain errors of fins ahead and astern.
+
+    Args:
+        rolls: Roll angles of the span about the x axis [rad].
+        stations: Positions of the fin along x, in hull lengths from CO.
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
@@ -262,7 +284,7 @@ def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
 
 
 def idle_servos(vehicle: Vehicle) -> list[str]:
-    """Return commands of servos that no effect of the file uses."""
+    """Return the names (`c7`) of the servo commands that no effect of the vehicle file uses."""
     written = (table.get(key, ()) for table in vehicle.effect for key in ("commands", "forces", "moments"))
     obeyed = set(re.findall(r"\bc\d+\b", " ".join(itertools.chain.from_iterable(written))))
     commands = zip(COMMAND_NAMES, vehicle.thruster, strict=False)
@@ -349,18 +371,25 @@ UPRIGHT = 15.0
 
 
 def named_fin(name: str) -> str:
-    """Return the words for a fin of the file: `the rudder` for a fin with the label `rudder`."""
+    """Return the words for a fin in the vehicle file: `the rudder` for `control_surface:rudder`."""
     label = name.partition(APART)[2]
     return f"the {label.replace('_', ' ')}" if label and not label.isdecimal() else "the fin"
 
 
 def stopped(turn: Quantity) -> bool:
-    """Return whether a fin that followed a command moves less than STOPPED of its travel in the file."""
+    """Return whether a fin follows its command by less than STOPPED of the travel in the vehicle file.
+
+    Args:
+        turn: Deflection of the fin for a full command.
+    """
     return turn.clear and abs(turn.value) < STOPPED * abs(turn.before)
 
 
 def fin_of(roll: float) -> str:
-    """Name a fin by the roll of its span [deg]: 0 for an elevator, 90 for a rudder."""
+    """Return words for a fin with a given roll of its span [deg], such as "A vertical fin".
+
+    A roll near 0 is horizontal, near 90 vertical; other rolls are stated in degrees.
+    """
     roll = (roll + 90.0) % 180.0 - 90.0  # half a turn more is the same fin
     if abs(roll) <= UPRIGHT:
         return "A horizontal fin"

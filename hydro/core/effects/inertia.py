@@ -94,14 +94,14 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return bounds that keep the diagonal of the total added mass at least 0."""
+    """Return the bounds of a fitted component that keep total added mass at least 0 on the diagonal."""
     if len(set(index)) > 1:
         return -math.inf, math.inf
     return -float(rest.added_mass[index[0], index[0]]), math.inf
 
 
 def coriolis_sentence(case: Case) -> str:
-    """State the factor of the added mass's Coriolis forces relative to those of M_A."""
+    """State the ratio of the Coriolis forces of the added mass to those that M_A implies."""
     share = case.one("kappa").times(100.0)
     subject = "the Coriolis force of the added mass (Munk moment)"
     if not share.clear:

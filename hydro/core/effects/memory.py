@@ -62,12 +62,12 @@ def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def states(p: Array) -> int:
-    """Return six states per rate."""
+    """Return the number of internal states for packed parameters `p`: six for each decay rate."""
     return 6 * (p.size // 7)
 
 
 def at_rates(rates: Sequence[float]) -> Shapes:
-    """Return shapes with six strengths for each of some rates."""
+    """Return trial shapes of `fluid_memory`: for each decay rate [1/s], a column for each of six axes."""
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         for rate in rates:
@@ -77,22 +77,25 @@ def at_rates(rates: Sequence[float]) -> Shapes:
 
 
 def absent(rate: float) -> Table:
-    """Return a memory of one rate with zero strength."""
+    """Return a `fluid_memory` table with one decay rate [1/s] and zero strength."""
     return {"name": FLUID_MEMORY.name, "K": [[0.0] * 6], "rates": [rate]}
 
 
 def up_to_quickest(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of rates that a log can show."""
+    """Return the range of decay rates that a log can show [1/s]."""
     return LEAST_RATE, QUICKEST
 
 
 def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a strength K, which acts as an added mass K/a in slow motion."""
+    """Return the plausible range of a strength K.
+
+    In slow motion K acts as an added mass K/a, with the decay rate a.
+    """
     return 0.0, float(most_added(vehicle)[index[-1]]) * RATES[-1]
 
 
 def memory_sentence(case: Case) -> str:
-    """State the strength of each axis and its decay time."""
+    """State the strength on each axis and the decay time."""
     rates = case.many("rates", (rates_of(case),))
     strengths = case.many("K", (len(rates), 6))
     entries = []
@@ -111,7 +114,7 @@ def memory_sentence(case: Case) -> str:
 
 
 def rates_of(case: Case) -> int:
-    """Return the number of rates."""
+    """Return the number of decay rates in the fitted table, or else in the vehicle file's."""
     given = case.values.get("rates", (case.before or {}).get("rates", (0.0,)))
     return len(given) if hasattr(given, "__len__") else 1
 

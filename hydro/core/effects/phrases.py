@@ -45,13 +45,13 @@ UNCLEAR = ("not determined by this log.", "does not differ clearly from the file
 
 
 class Entry(NamedTuple):
-    """Number of an effect with its words.
+    """Component of an effect with the words that describe it.
 
     Attributes:
-        label: Its full name, as in `heave drag`.
-        part: The words after its value, as in `in heave`.
-        quantity: The number.
-        unit: Its unit.
+        label: Full name of the component, such as `heave drag`.
+        part: Words after its value, such as `in heave`.
+        quantity: Fitted value, standard error and value in the vehicle file.
+        unit: Unit of the quantity.
     """
 
     label: str
@@ -61,12 +61,12 @@ class Entry(NamedTuple):
 
 
 def undetermined(case: Case, subject: str, value: str) -> str:
-    """Say that a log does not determine a value, or that it shows no difference from the file's.
+    """State that a log does not determine a value, or shows no difference from the file's value.
 
     Args:
-        case: The values.
-        subject: The undetermined quantity.
-        value: The estimate in words.
+        case: Values of the effect; the second statement is for an effect that the vehicle file has.
+        subject: Name of the undetermined quantity.
+        value: Estimate in words.
     """
     if case.in_file:
         return f"{capital(subject)} {UNCLEAR[1]}"
@@ -75,17 +75,22 @@ def undetermined(case: Case, subject: str, value: str) -> str:
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
-    """Sort components by their difference from the file: in standard errors, then in size."""
+    """Sort components by the difference from the file: first in standard errors, then in size."""
     return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
 
 
 def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
-    """Return a sentence with as many components as fit into `LONGEST` characters, at least one."""
+    """Return the sentence with as many components as fit into `LONGEST` characters, at least one.
+
+    Args:
+        render: Returns the sentence with a given number of components.
+        most: Maximum number of components.
+    """
     return first_that_fits(render(count) for count in range(most, 0, -1))
 
 
 def first_that_fits(sentences: Iterable[str]) -> str:
-    """Return the first of some sentences that fits into `LONGEST` characters, or else the last one."""
+    """Return the first sentence that fits into `LONGEST` characters; the last one if none fits."""
     text = ""
     for text in sentences:
         if len(text) <= LONGEST:
@@ -99,8 +104,8 @@ def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], s
     Args:
         clear: Components, the most significant first.
         brief: Whether only the first component is written, and the others are counted.
-        render: Returns the sentence from the number of components with standard errors, and from whether the
-            others are written or counted.
+        render: Returns the sentence for a number of components with standard errors; its second argument says
+            whether the other components are written (True) or only counted.
     """
     if brief:
         return render(1, False)
@@ -111,7 +116,7 @@ def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], s
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the components of an effect: missing ones, or changes from the file.
+    """State the components of an effect: what the vehicle file lacks, or how the fit differs from the file.
 
     Args:
         case: The values.
@@ -189,7 +194,7 @@ def against_file(entry: Entry, first: bool) -> str:
 
     Args:
         entry: The component.
-        first: Whether it is the first of its sentence, which names the comparison.
+        first: Whether the component is the first of its sentence, which says "the file's value".
     """
     value, error, before = entry.quantity
     unit = superscript(entry.unit)
@@ -209,7 +214,12 @@ def against_file(entry: Entry, first: bool) -> str:
 
 
 def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
-    """Return the components of a point of the body [m], FRD, for a comparison with the file."""
+    """Return the coordinates of a point of the body [m], FRD, as components for a comparison with the file.
+
+    Args:
+        whose: Name of the point's owner, such as `the DVL's`.
+        point: Forward, starboard and downward coordinate.
+    """
     ways = ("forward", "starboard", "downward")
     return [Entry(f"{whose} {side} position", "", one, "m") for side, one in zip(ways, point, strict=True)]
 
@@ -217,12 +227,12 @@ def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
 def diagonal(
     noun: str, label: str, units: tuple[str, str, str], symmetric: bool = False, key: str = "diagonal"
 ) -> Sentence:
-    """Return the sentence of an effect given by its diagonal, or by a full 6x6 matrix.
+    """Return the function that states an effect given by six diagonal entries or by a full 6x6 matrix.
 
     Args:
         noun: Name of the force or inertia, as in `quadratic damping`.
-        label: Its name after that of an axis, as in `drag`.
-        units: Of the force, mixed and moment blocks.
+        label: Name of a component without its axis, as in `drag` for "heave drag".
+        units: Units of the force, mixed and moment blocks of the matrix.
         symmetric: Whether components below the diagonal repeat those above.
         key: The parameter of the diagonal.
     """
@@ -243,7 +253,15 @@ def diagonal(
 def of_matrix(
     case: Case, label: str, units: tuple[str, str, str], symmetric: bool, key: str = "diagonal"
 ) -> list[Entry]:
-    """Return the entries of a 6x6 matrix, given by the values or the file as a matrix or its diagonal."""
+    """Return the components of a 6x6 matrix, each with its value in the vehicle file.
+
+    Args:
+        case: Values of the effect; both fit and file may give `matrix` or only the diagonal.
+        label: Name of a component without its axes, as in `drag`.
+        units: Units of the force, mixed and moment blocks of the matrix.
+        symmetric: Whether components below the diagonal repeat those above, and are left out.
+        key: Name of the parameter with the diagonal.
+    """
     whole, line = case.many("matrix", (6, 6)), case.many(key, (6,))
     form, old = "matrix" in case.values or key not in case.values, "matrix" in (case.before or {})
     entries = []
@@ -258,11 +276,11 @@ def of_matrix(
 
 
 def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sentence:
-    """Return the sentence of an effect whose parameters are coefficients with names.
+    """Return the function that states an effect whose parameters are single named coefficients.
 
     Args:
         noun: Name of the force or inertia, as in `coupled damping`.
-        named: Key, unit, full name, and words after the value, of each.
+        named: For each coefficient its parameter name, unit, full name, and the words after its value.
     """
 
     def sentence(case: Case) -> str:
@@ -274,7 +292,7 @@ def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sente
 
 
 def force_per_speed(i: int, j: int) -> str:
-    """Name the force or moment along axis i by a velocity along axis j."""
+    """Return words for the force on axis i per velocity on axis j, as in `yaw moment per sway speed`."""
     force, speed = "moment" if i >= 3 else "force", "rate" if j >= 3 else "speed"
     return f"{AXES[i]} {force} per {AXES[j]} {speed}"
 
@@ -282,7 +300,7 @@ def force_per_speed(i: int, j: int) -> str:
 def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str]:
     """Write the significant components of a body vector: `0.020 m (±0.001) forward`, `0.010 m above`.
 
-    A common error is written once.
+    If all components have the same standard error, it is written once.
 
     Args:
         changes: Three quantities, FRD; their differences from the file are written.
@@ -305,13 +323,13 @@ def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str
 
 
 def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> Sentence:
-    """Return the sentence of a point at another place than in the file.
+    """Return the function that states how far a point is from its place in the file.
 
     Args:
-        point: Its name.
+        point: Name of the point.
         verb: `lies` or `sits`.
         keys: Three parameters, or one of three numbers [m], FRD.
-        where: Its assumed place.
+        where: Name of the place that the file assumes.
     """
 
     def sentence(case: Case) -> str:
@@ -327,12 +345,12 @@ def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> S
 
 
 def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]) -> Sentence:
-    """Return a sentence on a number added to one of the vehicle's, and on its sign.
+    """Return the function that states a parameter that is added to a value of the vehicle, with its sign.
 
     Args:
-        key: The parameter.
-        unit: Unit in which it is written; a share of 1 is written in percent.
-        subject: Its name if the log does not determine it.
+        key: Name of the parameter.
+        unit: Unit in which the parameter is written; `%` for a share of 1.
+        subject: Name of the parameter, for a log that does not determine it.
         words: The sentence without its full stop, with `{change}` and `{side}`.
         sides: Words for more and for less than in the file.
     """
@@ -365,13 +383,13 @@ def toward(size: str, north: float, east: float) -> str:
 def horizontal_change(
     north: Quantity, east: Quantity, unit: str, factor: float = 1.0
 ) -> tuple[str, str, bool]:
-    """Write a horizontal vector, the file's vector, and whether they differ significantly.
+    """Return words for a fitted horizontal vector and for the file's, and whether they clearly differ.
 
     Args:
         north: Component toward north.
         east: Component toward east.
-        unit: Unit after the change of scale.
-        factor: Change of scale.
+        unit: Unit of the words, after multiplication by `factor`.
+        factor: Factor from the unit of the components to `unit`.
     """
     north, east = north.times(factor), east.times(factor)
     length = horizontal(north, east)

@@ -53,8 +53,8 @@ class Program:
     """Compiled vehicle.
 
     Attributes:
-        flat: All its numbers, a contiguous float64 vector, the input of the kernels.
-        states: Number of internal states of its effects.
+        flat: All numbers of the vehicle, a contiguous float64 vector, the input of the kernels.
+        states: Number of internal states of the effects.
         thrusters: Number of thrusters.
         effects: Names of the wrench effects, in the order of evaluation.
     """
@@ -120,7 +120,12 @@ def with_thrusters(program: Program, rows: Array) -> Program:
 
 
 def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Array]]:
-    """Return the generators of the harmonics of a vehicle's waves (`core.effects.waves`)."""
+    """Return one generator of wave harmonics for each wave effect of a vehicle, see `core.effects.waves`.
+
+    Args:
+        vehicle: The vehicle.
+        listed: Result of `entries` for this vehicle.
+    """
     gravity = vehicle.environment.gravity
     return [
         partial(effect.harmonics, parameters, gravity)
@@ -297,7 +302,7 @@ def relative_to_water(flat: Array, s: Array) -> None:
 
 @kernel
 def heed(commands: Array, s: Array) -> None:
-    """Write the commands of a row (n,) into `s`, at most the first MOST_COMMANDS."""
+    """Write the commands of a row (n,) into the state of motion `s`, at most MOST_COMMANDS of them."""
     for i in range(min(commands.size, layout.MOST_COMMANDS)):
         s[layout.COMMANDS + i] = commands[i]
 

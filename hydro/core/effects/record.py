@@ -34,7 +34,7 @@ BOOKKEEPING = frozenset({"name", "label", "standard_error", "fit", "known"})
 
 @dataclass(frozen=True)
 class Rest:
-    """Sums over the effects of a vehicle file that are not fitted, which bound the fitted increments.
+    """Inertia and damping of a vehicle without the fitted effects: bounds of negative fitted values.
 
     Attributes:
         vehicle: The vehicle, its thrusters and hull.
@@ -56,24 +56,27 @@ Limits = Callable[[Index, Rest], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Parameter:
-    """Parameter of an effect in a vehicle file.
+    """Parameter of an effect in a vehicle file: a number, a vector or a matrix.
 
     Attributes:
         name: Key in the `[[effect]]` table.
-        unit: One unit for all components; or two, for the three forces and the three moments of a 6-vector;
-            or three, for the force-velocity, mixed and moment-rate blocks of a 6x6 matrix.
+        unit: One unit for all components; or two units, of the three forces and the three moments of a
+            6-vector; or three units, of the force-velocity, mixed and moment-rate blocks of a 6x6 matrix.
         meaning: Meaning in a few words.
-        shape: Lengths; `"thrusters"` and `"rates"` are numbers set by the vehicle file.
+        shape: Length of each dimension, () for a number.  `"thrusters"` stands for the number of thrusters of
+            the vehicle file, `"rates"` for the number of decay rates in the `[[effect]]` table.
         low: Minimum admissible value (inclusive).
         high: Maximum admissible value (inclusive).
-        required: False if a missing value means 0.
-        scale: Significant size for each unit, a number or a rule; None and missing ones follow from the unit
-            (`core.effects.units`).
-        limits: Bounds of a component in a fit that depend on the vehicle; by default `low` and `high`.
-        symmetric: Whether only the entries on and above the diagonal of a matrix are free.
-        plausible: Physically plausible range; a value beyond is reported.
-        held: Whether a fit keeps it fixed: it is the reference of another parameter.
-        power: Whether it is the exponent of a velocity, on which its coefficient depends exponentially.
+        required: Whether a table must give the parameter; otherwise a missing value means 0.
+        scale: Significant size of a component, one for each of `unit`: a number, or a function of the
+            vehicle. Where the size is None or missing, it follows from the unit (`core.effects.units`).
+        limits: Function that returns the bounds of a component in a fit; None for `low` and `high`.
+        symmetric: Whether the parameter is a symmetric matrix, of which a fit varies the entries on and above
+            the diagonal only.
+        plausible: Physically plausible range; values outside are reported.
+        held: Whether a fit never changes the parameter, because it is the reference of another parameter.
+        power: Whether the parameter is the exponent of a velocity.  The best coefficient of that velocity
+            then depends exponentially on the parameter.
     """
 
     name: str
@@ -100,7 +103,7 @@ class Parameter:
         return self.unit[self._part(index)]
 
     def scale_at(self, index: Index, vehicle: Vehicle) -> float:
-        """Return the significant size of one component on this vehicle."""
+        """Return the significant size of one component for a vehicle, in the component's unit."""
         part = self._part(index)
         size = self.scale[part] if self.scale else None
         if size is None:
@@ -115,7 +118,7 @@ class Parameter:
 
 
 class Role(Enum):
-    """Role of an effect for other parts of the program, in addition to its equation."""
+    """Property of an effect that other parts of the program need besides its equation."""
 
     HULL_WATER = "force of the water on the hull, which the simulator's panels and ellipsoid replace"
     COMMANDED = "its force may depend on the commands, which jump at a row"
@@ -133,9 +136,10 @@ class Shape:
     force is linear in the remaining parameters.  Each of them is one column of a regression.
 
     Attributes:
-        tables: For each column, the `[[effect]]` table with a small amount of this parameter.
-        steps: These amounts, in units in which 1 is a significant size.
-        begin: Function from fitted amounts (columns,) to the initial table of a nonlinear fit.
+        tables: For each column, the `[[effect]]` table in which its parameter has a small value.
+        steps: These small values, as multiples of the parameter's significant size.
+        begin: Function from the fitted coefficients of the columns, (columns,), to the table from which a
+            nonlinear fit starts.
     """
 
     tables: tuple[Table, ...]
@@ -156,22 +160,28 @@ SLIGHTLY_ABSORBED = 0.1
 
 @dataclass(frozen=True)
 class Identification:
-    """Search for an effect in a recording; by default, of an effect that is linear in all of its parameters.
+    """Settings of the search for an effect in a recording.
+
+    The defaults suit an effect that is linear in all of its parameters.
 
     Attributes:
-        form: The alternative of `one_of` tried on a vehicle without the effect; by default the first.
-        step: Step of derivatives relative to the scale: larger if the effect has kinks.
-        resolution: Resolution of the search relative to the scale, for an effect that acts on a row of the
-            log or does not; else 0.
-        starts: Initial tables of a fit that may have several local minima.
-        coarse: A few shapes that show whether a nonlinear effect deserves a closer look.
-        fine: More shapes, which supply initial values.
-        absorbs: Share of the held-out error that it removes for hulls that no formula describes, if nothing
-            else is missing.
-        far: Initial tables for a file so far from the recording that derivatives at zero do not lead to the
+        form: Parameter, one of the effect's `one_of`, that is tried on a vehicle without the effect; None for
+            the first one.
+        step: Step of numerical derivatives, relative to the significant size of a parameter; larger for an
+            effect with kinks.
+        resolution: Smallest useful step of the search, relative to the significant size, for an effect that
+            acts in whole rows of the log, such as a delay; else 0.
+        starts: Function that returns initial tables of a fit with several local minima.  Its arguments are
+            those of `Shapes`.
+        coarse: A few trial shapes that show whether a nonlinear effect deserves a closer search; None for a
+            linear effect.
+        fine: More trial shapes, which supply initial values of the nonlinear fit.
+        absorbs: Share of the held-out error of hulls that no formula describes, which the effect removes
+            although nothing else is missing.
+        far: Further initial tables, for a vehicle file so wrong that derivatives at zero do not lead to the
             effect.
-        plainer: Function to tables of effects with fewer parameters that approximate it on a vehicle; these
-            are tried wherever this effect would be named.
+        plainer: Function that returns tables of simpler effects with nearly the same force on a vehicle.
+            They are tried wherever this effect would be named.
     """
 
     form: str | None = None
@@ -186,18 +196,18 @@ class Identification:
 
     @property
     def linear(self) -> bool:
-        """Whether one column per parameter suffices."""
+        """Whether the effect is linear in all parameters, so that one column for each suffices."""
         return self.coarse is None
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Kinematic signature of a DVL error in pose against velocity.
+    """How a DVL error shows in the difference between logged velocity and the rate of the logged pose.
 
     Attributes:
-        parameter: The parameter that is estimated.
-        place: Its indices in the row of `core.effects.sensor`.
-        negligible: Size that needs no correction; None is half a sample.
+        parameter: Name of the estimated parameter.
+        place: Indices of the parameter in the vector of DVL errors of `core.effects.sensor`.
+        negligible: Size below which no correction is needed; None for half a sample time.
     """
 
     parameter: str
@@ -207,12 +217,12 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice on an effect that was found.
+    """Advice to the user after an effect was found.
 
     Attributes:
-        parted_by: Motions of `core.effects.parting` that separate it from others.
-        saying: Function from fitted parameters and sample time [s] to an alternative meaning; None if there
-            is none.
+        parted_by: Motions of `core.effects.parting` that separate the effect from similar ones.
+        saying: Function from fitted parameters and sample time [s] to another possible cause of the finding,
+            in words, or None.
     """
 
     parted_by: tuple[str, ...] = ()
@@ -221,13 +231,13 @@ class Advice:
 
 @dataclass(frozen=True)
 class Words:
-    """Textual part of an effect in a vehicle file, a list of texts.
+    """Part of an effect that a vehicle file gives as a list of texts, such as the terms of a formula.
 
     Attributes:
-        name: Key in the `[[effect]]` table, and the name of its length in the shapes of parameters.
+        name: Key in the `[[effect]]` table.  In the `shape` of a parameter it stands for the number of texts.
         meaning: Meaning in a few words.
-        example: For documentation.
-        optional: Whether the effect exists without it.
+        example: Texts for the documentation.
+        optional: Whether the list may be missing.
     """
 
     name: str
@@ -244,41 +254,44 @@ LAST_COMMAND = "last_command"
 
 @dataclass(frozen=True)
 class Effect:
-    """Effect of the catalogue: all data on it that any part of the program needs.
+    """Effect of the catalogue, with all data on it that any part of the program needs.
 
-    Exactly the callables of its kind are set.  The first argument of each is the effect's packed parameter
-    vector.
+    One of the functions `kernel`, `inertia`, `flow`, `actuator` and `sensor` is the effect's equation; `kind`
+    says which.  (A `flow` effect may also have a `kernel`.)  Their arguments, and the packed parameters `p`,
+    are in `core.effects.layout`.
 
     Attributes:
         name: Name in a vehicle file.
-        family: Its file in `core.effects`.
-        kind: Target of the effect: `wrench` adds to tau, `inertia` to M (with its Coriolis terms), `flow` to
-            the current v_c (and possibly a wrench), `actuator` to the thruster table, `sensor` to the logged
+        family: Name of the module of `core.effects` that defines the effect.
+        kind: What the effect changes: `wrench` the wrench tau on the vehicle, `inertia` the mass matrix M and
+            its Coriolis terms, `flow` the current v_c, `actuator` the thruster table, `sensor` the logged
             velocity.
-        definition: Its equation on one line, the wrench being the one ON the vehicle.
+        definition: Equation on one line; a wrench is the one ON the vehicle.
         source: Where the equation comes from.
-        excitation: The motion that a recording must contain for its parameters to be determined.
-        lookalikes: Effects that it is easily mistaken for.
-        parameters: In packing order.
-        one_of: Names of alternative parameters, of which exactly one is given; the others are not packed.
-        kernel: Scalar compiled wrench. `core.effects.layout` has the arguments of this function and of all
-            others.
-        inertia: `inertia(p, M)` adds to a 6x6 matrix.
-        flow: `flow(p, flow)` adds to the current, (7,) of `catalogue.current`.
+        excitation: Motion that a recording must contain to determine the parameters.
+        lookalikes: Names of effects that are easily mistaken for this one.
+        parameters: Parameters, in the order in which `pack` writes them.
+        one_of: Names of alternative parameters, such as `diagonal` and `matrix`.  A table gives exactly one
+            of them, and `pack` writes only that one.
+        kernel: `kernel(p, c, s, x, dx, tau)` adds the wrench to tau.
+        inertia: `inertia(p, M)` adds to the 6x6 mass matrix M.
+        flow: `flow(p, flow)` adds to the motion of the water, (7,), see `catalogue.current`.
         actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
-        harmonics: `harmonics(p, gravity, places)` returns the rows of `core.effects.waves` from which a
-            random effect is drawn: it is absent in every prediction, and no fit of predictions finds it.
-        sensor: `sensor(p, log)` changes the row of `core.effects.sensor`, in place.
-        states: Number of internal states for a packed parameter vector.
-        start: `start(p, c, s, x)` sets them to the steady state of a motion.
-        identification: Search for the effect.
-        kinematics: Kinematic signature; None if it is not a DVL error.
-        advice: Advice on it.
-        roles: Its roles for other parts of the program.
-        repeatable: Whether a vehicle file may have several of it: objects, each at its own place.
-        words: Its textual parts in a file.
-        structure: Conversion of these words to numbers, packed before the parameters.
-        sentence: States its values in words, see `core.effects.sentences`; None for a generic sentence.
+        sensor: `sensor(p, log)` changes the vector of DVL errors of `core.effects.sensor` in place.
+        harmonics: `harmonics(p, gravity, places)` returns the harmonics from which a random effect, such as
+            waves, is drawn (`core.effects.waves`).  A random effect is absent in every prediction, so no fit
+            of predictions finds it.
+        states: Function from packed parameters to the number of internal states; None without states.
+        start: `start(p, c, s, x)` sets the internal states x to their values in steady motion.
+        identification: How a search looks for the effect in a recording.
+        kinematics: How a DVL error shows in pose and velocity; None for any other effect.
+        advice: Advice to the user after the effect was found.
+        roles: Properties that other parts of the program need.
+        repeatable: Whether a vehicle file may have several such effects, as objects at different places.
+        words: Lists of texts in the effect's table, such as the terms of a formula.
+        structure: Function that converts these texts to numbers, which `pack` writes before the parameters.
+        sentence: Function that states fitted values in words, see `core.effects.sentences`; None for a
+            general sentence.
     """
 
     name: str
@@ -308,37 +321,40 @@ class Effect:
     sentence: Callable[[Case], str] | None = None
 
     def parameter(self, name: str) -> Parameter:
-        """Return the parameter of that name."""
+        """Return the parameter with a given name."""
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
     @property
     def is_written(self) -> bool:
-        """Whether its form is written in the file, so that no search can try it."""
+        """Whether a vehicle file must give the effect's form in words; no search can try the effect."""
         return any(not words.optional for words in self.words)
 
     @property
     def is_random(self) -> bool:
-        """Whether it is random: it predicts nothing, and no fit of predictions can change it."""
+        """Whether the effect is random: it predicts nothing, and no fit of predictions can change it."""
         return self.harmonics is not None
 
     def known(self, table: Mapping[str, Any]) -> frozenset[str]:
-        """Return the names of the parameters that a table holds as known: `known = true`, or a list."""
+        """Return the names of the parameters that an `[[effect]]` table marks as known.
+
+        The table has `known = true` for all parameters, or a list of names.  A fit does not change them.
+        """
         held = table.get("known", False)
         every = (parameter.name for parameter in self.parameters)
         return frozenset(every if held is True else held or ())
 
     def written(self, table: Mapping[str, Any]) -> Table:
-        """Return the textual part of a table."""
+        """Return the entries of an `[[effect]]` table that are lists of texts."""
         return {words.name: table[words.name] for words in self.words if words.name in table}
 
     def wholly_known(self, table: Mapping[str, Any]) -> bool:
-        """Return whether a table holds all of its parameters as known."""
+        """Return whether an `[[effect]]` table marks all of its parameters as known."""
         given = {one.name for one in self.parameters if one.name not in self.one_of or one.name in table}
         return given <= self.known(table)
 
     @property
     def description(self) -> str:
-        """Docstring of its defining function, without its last line on the calling convention."""
+        """Docstring of the effect's equation, without the last line on the calling convention."""
         for function in (self.kernel, self.inertia, self.flow, self.actuator, self.sensor):
             if function is not None:
                 return CALLED.sub("", inspect.getdoc(function) or "")

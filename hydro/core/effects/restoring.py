@@ -151,12 +151,15 @@ def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def loose(tilt: float, lag: float) -> Table:
-    """Return ballast of zero mass, with a tilt [rad] and a lag [s]."""
+    """Return a `drifting_ballast` table with zero mass, a tilt [rad] and a lag [s]."""
     return {"name": DRIFTING_BALLAST.name, "S": [0.0, 0.0], "tilt": tilt, "T": lag}
 
 
 def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
-    """Return shapes of both directions of sliding, for each of some tilts and lags."""
+    """Return trial shapes of `drifting_ballast`, one for each tilt [rad] and lag [s].
+
+    A shape has a column for each direction of sliding.
+    """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         for tilt in tilts:
@@ -167,17 +170,17 @@ def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
 
 
 def shown_tilts(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of tilts that a recording can show."""
+    """Return the range of the tilt parameter that a recording can show [rad]."""
     return LEAST_TILT, MOST_TILT
 
 
 def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of lags that a recording can show."""
+    """Return the range of the lag that a recording can show [s]."""
     return LEAST_LAG, MOST_LAG
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a sliding ballast [kg m].
+    """Return the plausible range of a sliding ballast, mass times travel [kg m].
 
     The maximum is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
     """
@@ -186,18 +189,25 @@ def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of places within two lengths of CO."""
+    """Return the bounds of a coordinate of a payload's place: within two hull lengths of CO [m]."""
     return -2.0 * rest.vehicle.hull.length, 2.0 * rest.vehicle.hull.length
 
 
 def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return a small weight, and a small lift: with zero weight, its place has no influence."""
+    """Return initial tables of `payload`: a small weight and a small lift at CO.
+
+    The weight is not zero, because the place of a payload without weight has no influence on the motion.
+    """
     weight = of_weight(0.005)(vehicle)
     return [{"w": weight}, {"w": -weight}]
 
 
 def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield weight, its three moments and the dry mass: linear in w, w x, w y, w z and m."""
+    """Yield one trial shape of `payload` with five columns.
+
+    They are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear in w,
+    w x, w y, w z and m.
+    """
     weight = of_weight(0.01)(vehicle)
     mass, lever = 0.3 * vehicle.rigid_body.mass, LEVER * vehicle.hull.length
     little = 0.01

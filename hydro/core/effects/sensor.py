@@ -100,10 +100,11 @@ def sensor_bias(p: Array, log: Array) -> None:
 
 
 def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
-    """Return the logged velocity of a vehicle that moves with nu.
+    """Return the velocity that the DVL and gyros would log for a motion of the vehicle.
 
     Args:
-        log: Row of the DVL errors, shape (13,) or (16,), of `core.effects.velocity_log`.
+        log: DVL errors from `catalogue.velocity_log`, (16,); the last three entries, a reference point, may
+            be missing.
         t: Times of one segment [s], shape (N,), ascending.
         nu: Velocity of CO over ground, body frame, shape (..., N, 6).
 
@@ -123,10 +124,12 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
-    """Return the velocity of CO from the logged one: inverse of `measured`, except the last `d` seconds.
+    """Return the velocity of CO from the logged velocity: the inverse of `measured`.
+
+    A delay d leaves the last d seconds without later samples; there the result is approximate.
 
     Args:
-        log: Row of the DVL errors, shape (13,) or (16,).
+        log: DVL errors from `catalogue.velocity_log`, (13,) or (16,).
         t: Times of one segment [s], shape (N,), ascending.
         nu: Logged velocity, shape (N, 6).
 
@@ -141,37 +144,41 @@ def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def logged_position(log: Array, states: Array) -> Array:
-    """Return states with the position that is logged instead of that of CO.
+    """Return states with the position of CO replaced by that of the logged reference point.
 
     Args:
-        log: Row of the DVL errors and the reference point, (16,).
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
         states: Position, unit quaternion and velocity, (..., 13); NaN stays NaN.
     """
     return _moved(states, _rotated(states[..., 3:7], log[POINT])) if log[POINT].any() else states
 
 
 def true_position(log: Array, states: Array) -> Array:
-    """Return states with the position of CO instead of the logged one: inverse of `logged_position`."""
+    """Return states with the position of the logged reference point replaced by that of CO.
+
+    Inverse of `logged_position`, with the same arguments.
+    """
     return _moved(states, -_rotated(states[..., 3:7], log[POINT])) if log[POINT].any() else states
 
 
 def logged_pose(log: Array, eta: Array) -> Array:
-    """Return poses (..., 6) with the position that is logged instead of that of CO."""
+    """Return poses (..., 6) with the position of CO replaced by that of the logged reference point."""
     return _moved(eta, _turned(eta, log[POINT])) if log[POINT].any() else eta
 
 
 def true_pose(log: Array, eta: Array) -> Array:
-    """Return poses (..., 6) with the position of CO instead of the logged one."""
+    """Return poses (..., 6) with the position of the logged reference point replaced by that of CO."""
     return _moved(eta, -_turned(eta, log[POINT])) if log[POINT].any() else eta
 
 
 def logged_shift(log: Array, quaternion: Array, deviations: Array) -> Array:
-    """Return small changes of the logged position, of changes of the motion.
+    """Return the small changes of the logged position that small changes of the motion cause.
 
     Args:
-        log: Row of the DVL errors and the reference point, (16,).
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
         quaternion: Attitude, (..., 4).
-        deviations: Position [m] and small rotation about the body's axes [rad] first, (..., 6 or more, Q).
+        deviations: Q changes of the motion, (..., 6 or more, Q): rows 0 to 2 the position of CO [m], rows 3
+            to 5 a small rotation about the body's axes [rad].
 
     Returns:
         Changes of the position, (..., 3, Q).
@@ -235,12 +242,12 @@ def _spline(t: Array, values: Array, axis: int) -> CubicSpline:
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the range of a delay, which cannot be negative."""
+    """Return the admissible range of a DVL delay [s], from 0 to LONGEST_DELAY."""
     return 0.0, LONGEST_DELAY
 
 
 def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of a delay as bounds of a fit."""
+    """Return the bounds of a DVL delay in a fit [s]."""
     return room_of_delay(rest.vehicle)
 
 
@@ -277,7 +284,7 @@ def scale_sentence(case: Case) -> str:
 
 
 def scales(case: Case) -> list[Quantity]:
-    """Return the scale errors of three axes, which values and file may give as one number."""
+    """Return the scale errors of the three axes, also where fit or file give one number for all."""
     form = "axes" if "axes" in case.values or "s" not in case.values else "s"
     old = "axes" if "axes" in (case.before or {}) else "s"
     before = case.of_file(old, (3,)).tolist()

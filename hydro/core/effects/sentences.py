@@ -24,7 +24,7 @@ def sentence(
     *,
     brief: bool = False,
 ) -> str:
-    """State the values of an effect in one plain sentence, or two.
+    """State the values of an effect in one or two plain sentences.
 
     If the vehicle has the effect, the sentence compares it with the file; else it states what is missing.
 
@@ -52,7 +52,7 @@ def sentence(
 
 
 def generic(effect: Effect, case: Case) -> str:
-    """State an effect without its own sentence, by the meanings and units of its parameters."""
+    """State an effect without a sentence function, by the meanings and units of its parameters."""
     noun = effect.name.replace("_", " ")
     given = [one for one in effect.parameters if one.name in case.values or one.name not in effect.one_of]
     by_axis = len(given) == 1 and given[0].shape == (6,)
@@ -61,7 +61,13 @@ def generic(effect: Effect, case: Case) -> str:
 
 
 def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
-    """Return the components of a parameter with its meaning, or with a noun for each axis if there is one."""
+    """Return the components of a parameter with words for each.
+
+    Args:
+        parameter: The parameter.
+        case: Values of the effect.
+        noun: Noun for all components, followed by the axis of each; empty for the parameter's meaning.
+    """
     given = case.values.get(parameter.name, (case.before or {}).get(parameter.name))
     shape = np.shape(given) if given is not None else tuple(n for n in parameter.shape if isinstance(n, int))
     if len(shape) != len(parameter.shape):
@@ -77,7 +83,7 @@ def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
 
 
 def place_of(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Name a component: by its axes if there are six, else by its number from 1."""
+    """Return words for a component: its axes in a 6-vector or 6x6 matrix, else its number from 1."""
     if not index:
         return ""
     names = [AXES[i] if n == 6 else str(i + 1) for i, n in zip(index, shape, strict=True)]

@@ -24,13 +24,13 @@ LEAST, MOST = 0.5, 1.5
 
 
 def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) -> Shape:
-    """Return one column per component of a parameter, with the others held.
+    """Return the trial shape with one column for each component of a parameter, at given other parameters.
 
     Args:
         effect: The effect.
-        name: The parameter in which it is linear.
-        held: The table at which the columns are taken.
-        vehicle: The vehicle, for the scales.
+        name: Parameter in which the effect is linear.
+        held: Table with the values of all parameters, about which the columns are derivatives.
+        vehicle: The vehicle, which sets the significant size of a component.
     """
     parameter, start = effect.parameter(name), np.array(held[name], float)
     places = list(np.ndindex(start.shape))
@@ -49,13 +49,15 @@ def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) 
 
 
 def of_sizes(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
-    """Return one column per size of an effect's only parameter; 1 is that size.
+    """Return trial shapes for an effect with one parameter, a shape of one column for each trial value.
+
+    A coefficient of 1 of the column means that the parameter has the trial value.
 
     Args:
         name: The effect.
-        parameter: Its number.
-        room: Range on a vehicle; a negative minimum and half of it are also tried.
-        sizes: Other sizes to try within the range, none of them 0.
+        parameter: Name of its only parameter.
+        room: Admissible range for a vehicle.  A negative minimum, and half of it, are also tried.
+        sizes: Other trial values, none of them 0; those outside the range are skipped.
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:

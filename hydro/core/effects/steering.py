@@ -13,17 +13,17 @@ SPEED = 1.5
 
 
 def servo_wrenches(vehicle: Vehicle, speed: float = SPEED) -> Array:
-    """Return the wrench of each command of a servo at full deflection in straight motion ahead, (6, n).
+    """Return the wrench that each servo causes at full deflection in straight motion ahead, (6, n) [N, N m].
 
     It is half the difference of the effects' wrenches at the commands 1 and -1, so that fixed deflections and
-    drag cancel.  Columns of thrusters are 0.
+    drag cancel.  Columns are the n thrusters and servos of the file; those of thrusters are 0.
 
     Args:
         vehicle: The vehicle.
         speed: Speed ahead [m/s].
 
     Raises:
-        DataError: An effect is not valid in the catalogue.
+        DataError: An effect of the vehicle is unknown, or has invalid values.
     """
     count = len(vehicle.thruster)
     servos = [i for i, one in enumerate(vehicle.thruster) if not one.pushes]

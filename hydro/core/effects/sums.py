@@ -16,16 +16,18 @@ EIGENVALUE_TOLERANCE = 1e-9
 
 
 def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
-    """Check the effects of a vehicle one by one and in sum.
+    """Check each effect of a vehicle, and the sums over all its effects.
 
     Args:
         vehicle: The vehicle.
-        damped: A vehicle with the total damping, if the first one is not damped by effects alone.
+        damped: Vehicle whose damping is checked in place of that of `vehicle`, for a vehicle that is damped
+            by more than its effects; by default `vehicle`.
 
     Raises:
         DataError: An effect or parameter is unknown, a number is out of bounds, or a sum is invalid: added
             mass that is not symmetric positive semi-definite, a mass matrix that is not positive definite,
-            active damping, or an impossible thruster.  The message names the path in the vehicle file.
+            damping that adds energy, or an impossible thruster.  The message names the path in the vehicle
+            file.
     """
     thruster_table(vehicle)
     added_mass = added_mass_matrix(vehicle)
@@ -41,7 +43,10 @@ def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
 
 
 def damping_in_sum(vehicle: Vehicle) -> tuple[Array, Array, Array]:
-    """Return total linear damping (6, 6), quadratic damping (6,), and cross-flow coefficients (2,)."""
+    """Return the total linear damping (6, 6), quadratic damping (6,) and cross-flow coefficients (2,).
+
+    Each is the sum over the effects of a vehicle.
+    """
     linear, quadratic, drag = np.zeros((6, 6)), np.zeros(6), np.zeros(2)
     for effect, p, _ in entries(vehicle):
         if effect.name == "linear_damping":

@@ -80,12 +80,19 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of points within a length of CO."""
+    """Return the bounds of a coordinate of the tether's attachment: within a hull length of CO [m]."""
     return -rest.vehicle.hull.length, rest.vehicle.hull.length
 
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return anchors amid the recorded track and at its edges, with cables that pull always or far out."""
+    """Return initial tables of `tether` for anchors in the middle and at the edges of the recorded track.
+
+    Each anchor has a cable that is always taut, and one that is taut only on the far half of the track.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
+    """
     track = np.zeros((1, 3)) if reach is None else reach[:, :3]
     middle, half = np.median(track, axis=0), np.maximum(0.5 * np.ptp(track, axis=0), 2.0)
     anchors = [middle, track[0]]
@@ -99,10 +106,11 @@ def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
 
 
 def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield a cable without slack: the stiffness k, k times the anchor, and the moments of k at one anchor.
+    """Yield one trial shape of `tether` without slack, with seven columns.
 
-    Without slack the force is k (anchor - position), linear in all of them.  So anchors amid the track and on
-    three sides of it represent any anchor.
+    Without slack the force is k (anchor - position), k the stiffness.  It is linear in k and in k times the
+    anchor's coordinates.  Columns with anchors in the middle of the track and on three sides represent any
+    anchor; three more columns displace the attachment on the body.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])
@@ -124,7 +132,10 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield for each anchor and slack the stiffness k and its moments k a about CO: linear in all four."""
+    """Yield a trial shape of `tether` for each anchor and slack of `cables`, with four columns.
+
+    The force is linear in the stiffness k and in k times the attachment's three coordinates.
+    """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever = LEVER * length
     for start in cables(vehicle, reach):
@@ -162,17 +173,20 @@ def _cable(k: float, slack: float, attachment: Array, anchor: Array) -> Table:
 
 
 def shallow_to_deep(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of decay depths that a recording can show."""
+    """Return the range of the decay depth that a recording can show [m]."""
     return SHALLOWEST, DEEPEST
 
 
 def absent(decay: float) -> Table:
-    """Return a suction of zero force."""
+    """Return a `surface_suction` table with zero force and a decay depth [m]."""
     return {"name": SURFACE_SUCTION.name, "A": 0.0, "decay": decay}
 
 
 def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield the force at the surface for each decay depth."""
+    """Yield trial shapes of `surface_suction`, one for each decay depth.
+
+    Their column is the force at the surface.
+    """
     for decay in DECAYS:
         yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)
 
@@ -213,7 +227,7 @@ def direction(north: float, east: float, down: float) -> str:
 
 
 def fixed_point(point: Sequence[Quantity]) -> str:
-    """Name a point of the world by its distances from the NED origin."""
+    """Return words for a point of the world by its distances from the NED origin: `3 m north`."""
     sides = (("north", "south"), ("east", "west"), ("down", "up"))
     return listed(
         [

@@ -55,10 +55,11 @@ def dimension(unit: str) -> Dimension:
 
 
 def plain_size(unit: str, vehicle: Vehicle) -> float:
-    """Return the significant size of a quantity of this unit on this vehicle.
+    """Return the significant size of a quantity with a given unit, for a vehicle.
 
-    Inertia and damping, kg m^b s^c, scale with m, sqrt(m J) and J for b <= 0, 1 and 2; static forces with the
-    weight; lengths with L.
+    With the vehicle's mass m and mean moment of inertia J, inertia and damping of the unit kg m^b s^c scale
+    with m for b <= 0, sqrt(m J) for b = 1 and J for b = 2.  Static forces scale with the weight, lengths with
+    the hull's length.
     """
     mass, length, time, angle = dimension(unit)
     if mass == 1 and time == -2:
@@ -71,22 +72,25 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
 
 
 def of_mass(share: float) -> Size:
-    """Return a share of the vehicle's mass."""
+    """Return a function from a vehicle to a share of its mass."""
     return lambda vehicle: share * _inertia(0, vehicle)
 
 
 def of_mixed(share: float) -> Size:
-    """Return a share of the geometric mean of mass and moment of inertia: between a force and a moment."""
+    """Return a function from a vehicle to a share of sqrt(m J), m its mass, J its mean moment of inertia.
+
+    This is the significant size of couplings between a force and a moment.
+    """
     return lambda vehicle: share * _inertia(1, vehicle)
 
 
 def of_moment(share: float) -> Size:
-    """Return a share of the vehicle's mean moment of inertia."""
+    """Return a function from a vehicle to a share of its mean moment of inertia."""
     return lambda vehicle: share * _inertia(2, vehicle)
 
 
 def of_weight(share: float) -> Callable[[Vehicle], float]:
-    """Return a share of the vehicle's weight."""
+    """Return a function from a vehicle to a share of its weight."""
     return lambda vehicle: share * vehicle.rigid_body.mass * vehicle.environment.gravity
 
 

@@ -56,10 +56,11 @@ FINE = 4000  # number of frequencies in the integral of a spectrum
 
 
 def elevation_spectrum(omega: ArrayLike, height: float, period: float, peak: float) -> Array:
-    """Return the one-sided spectrum of the elevation S(omega) [m^2 s], of the energy (height/4)^2 over BAND.
+    """Return the one-sided spectrum of the sea surface elevation, S(omega) [m^2 s].
 
-    It is the JONSWAP spectrum (Hasselmann et al. 1973) with the peak enhancement 1 + peak.  A peak of 0 gives
-    a fully developed sea (Pierson and Moskowitz), a large one gives swell.
+    It is the JONSWAP spectrum (Hasselmann et al. 1973) with the peak enhancement 1 + peak.  Its integral over
+    the frequencies of BAND is (height/4)^2.  A peak of 0 gives a fully developed sea (Pierson and Moskowitz),
+    a large one gives swell.
 
     Args:
         omega: Frequencies [rad/s], above 0, any shape.
@@ -89,14 +90,16 @@ def _shape(x: Array, peak: float) -> Array:
 
 
 def harmonics(p: Array, gravity: float, places: Array) -> Array:
-    """Return harmonics of a sea, one for each of H frequency bands of equal ratio, (H, COMPONENT).
+    """Return the harmonics of a sea, one for each of H frequency bands, (H, COMPONENT).
 
-    Both amplitudes are the standard deviation from the energy of the band.
+    Limits of the bands have a constant ratio.  A row has the frequency [rad/s], the wave number [1/m], the
+    amplitudes of cosine and sine [m/s], and the direction as a unit vector north, east.  Both amplitudes are
+    the standard deviation that the spectrum gives the band.
 
     Args:
-        p: Parameters of the effect.
+        p: Parameters of the effect: height, period, direction and peak.
         gravity: Acceleration of gravity [m/s^2].
-        places: Place of each in its band, as a share of the band's logarithm, (H,), in [0, 1].
+        places: Position of each harmonic within its band, from 0 to 1 on a logarithmic scale, (H,).
     """
     height, period, direction, peak = p
     x, edges = np.geomspace(*BAND, FINE), np.linspace(0.0, 1.0, len(places) + 1)
@@ -111,12 +114,12 @@ def harmonics(p: Array, gravity: float, places: Array) -> Array:
 
 
 def drawn(rows: Callable[[Array], Array], rng: np.random.Generator) -> Array:
-    """Draw a sea of harmonics of random frequency and Gaussian amplitudes, (COMPONENTS, COMPONENT).
+    """Draw a random sea: harmonics of random frequency and Gaussian amplitudes, (COMPONENTS, COMPONENT).
 
-    So waves form groups as at sea (Tucker, Challenor and Carter 1984), and never repeat.
+    Waves then form groups as at sea (Tucker, Challenor and Carter 1984), and never repeat.
 
     Args:
-        rows: Harmonics at some places of their bands.
+        rows: Function from positions within the bands, in [0, 1], to harmonics, as `harmonics` returns.
         rng: Source of random numbers.
     """
     sea = rows(rng.random(COMPONENTS))
@@ -130,9 +133,12 @@ def calm(p: Array, flow: Array) -> None:
 
 @kernel
 def orbits(sea: Array, s: Array) -> tuple[float, float, float]:
-    """Return the velocity of the water [m/s], NED, at the depth and time in `s`; write its gradients to `s`.
+    """Return the velocity of the water in waves [m/s], NED, at the vehicle's depth and time.
 
-    WATER_RATE is the rate at a fixed place, WATER_GROWTH the gradient with depth.
+    Args:
+        sea: Harmonics, row after row, as `harmonics` returns.
+        s: State of motion, the layout of `core.effects.layout`.  The function writes the water's acceleration
+            at a fixed place (WATER_RATE) and the velocity's gradient with depth (WATER_GROWTH) to it.
     """
     north = east = down = 0.0
     for i in range(6):

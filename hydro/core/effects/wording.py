@@ -54,7 +54,7 @@ def decimals(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> 
 
 
 def plain(value: float, places: int) -> str:
-    """Write a number with some decimals; very large and very small ones with a power of ten."""
+    """Write a number with `places` decimals; very large and very small numbers with a power of ten."""
     if value and (abs(value) >= 1e6 or (abs(value) < 1e-3 and places > 5)):
         mantissa, _, power = f"{value:.1e}".partition("e")
         return f"{mantissa}e{int(power)}"
@@ -63,13 +63,13 @@ def plain(value: float, places: int) -> str:
 
 
 def number(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> str:
-    """Write a value rounded to its standard error, or to three significant digits if that is unknown."""
+    """Write a value rounded to its standard error, or to three significant digits if the error is unknown."""
     text = plain(value, decimals(value, error, most))
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text and not known(error) else text
 
 
 def uncertainty(value: float, error: float, most: int = MOST_DIGITS) -> str:
-    """Write a standard error to the last digit of its value, rounded up to that digit; nothing if unknown."""
+    """Write a standard error, rounded up to the last digit that its value shows; nothing if unknown."""
     if not known(error):
         return ""
     places = decimals(value, error, most)
@@ -90,12 +90,12 @@ def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
 
 
 def without_uncertainty(text: str) -> str:
-    """Leave out the standard errors and the file's values of a sentence."""
+    """Return a sentence without its standard errors and the values of the file."""
     return UNCERTAINTY.sub("", text)
 
 
 def capital(text: str) -> str:
-    """Begin a sentence with a capital letter."""
+    """Return a sentence that begins with a capital letter."""
     return text[:1].upper() + text[1:]
 
 
@@ -105,7 +105,10 @@ def listed(words: Sequence[str]) -> str:
 
 
 def group(numbers: Iterable[int], noun: str = "thruster") -> str:
-    """Name numbered things: `thruster 3`, `thrusters 1, 2 and 5`, `thrusters 1 to 4`, at most six pieces."""
+    """Return words for numbered things, such as `thruster 3`, `thrusters 1, 2 and 5` or `thrusters 1 to 4`.
+
+    More than MOST_PIECES separate pieces are only counted: `9 thrusters`.
+    """
     runs = list[list[int]]()
     every = sorted(set(numbers))
     for one in every:
@@ -122,7 +125,7 @@ def group(numbers: Iterable[int], noun: str = "thruster") -> str:
 
 
 def compass(north: float, east: float) -> str:
-    """Return the heading of a direction and its point of the compass, one of sixteen: `323° (NW)`.
+    """Return a direction as heading and compass point, one of sixteen: `323° (NW)`.
 
     Args:
         north: Component toward north, in any unit.
@@ -148,7 +151,7 @@ def place(
 
     Args:
         point: x y z from the body origin [m], FRD.
-        errors: Standard errors [m]; coordinates below theirs are omitted, as are negligible ones.
+        errors: Standard errors [m].  Coordinates below their standard error are omitted, and negligible ones.
         origin: Name of the reference point.
 
     Returns:

@@ -25,7 +25,12 @@ ALONE = 3.0  # ratio of a DVL's yaw to its roll and pitch above which it may be 
 
 
 def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark that a delay `d` [s] of up to one sample `dt` [s] is not the vehicle's."""
+    """Return a remark that a delay of up to one sample is a convention of the log; else None.
+
+    Args:
+        parameters: Parameters of the finding, with the delay `d` [s].
+        dt: Sample time [s].
+    """
     if abs(float(parameters["d"])) > ONE_SAMPLE * dt:
         return None
     return (

@@ -15,9 +15,9 @@ from hydro.core.vehicle.description import Vehicle
 def added_force(vehicle: Vehicle, without: Vehicle, record: Recording, eta: Array, nu: Array) -> Array:
     """Return the wrench on the vehicle that an effect adds along a recorded motion, (N, 6) [N, N m].
 
-    The result is M (a - a_0): accelerations a with and a_0 without the effect, M the mass matrix of `vehicle`
-    with added mass.  If the effect changes the inertia, the result is the wrench that changes the motion as
-    much.
+    The result is M (a - a_0) with the acceleration a with the effect, a_0 without the effect, and the mass
+    matrix M of `vehicle`, added mass included.  For an effect that changes the inertia, the result is the
+    wrench that would cause the same change of acceleration.
 
     Args:
         vehicle: Vehicle file with the effect.
@@ -27,7 +27,7 @@ def added_force(vehicle: Vehicle, without: Vehicle, record: Recording, eta: Arra
         nu: Smoothed velocity of CO, body axes, (N, 6) [m/s, rad/s].
 
     Raises:
-        DataError: A file is not valid in the catalogue.
+        DataError: An effect of a vehicle file is unknown or has invalid values.
     """
     model = candidate(vehicle)
     with_it = accelerations(model, record, eta, nu)

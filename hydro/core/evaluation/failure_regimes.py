@@ -3,9 +3,9 @@
 A place is a condition, such as turning left, or a pair of conditions.  All conditions and all pairs are
 tried. A place with share e of an axis' error and share t of the time has the quality (e - t) / sqrt(t).  This
 is proportional to the number of standard deviations above an even distribution of the error (Klösgen 1996).
-The lesser quality in the even and in the odd blocks of the recording counts.  The best place is taken, the
-error in it is removed, and the search continues (sequential covering).  So the list does not repeat one place
-in other words.
+The quality is computed in the even and in the odd blocks of the recording, and the smaller one counts.  The
+best place is taken, the error in it is removed, and the search continues (sequential covering).  So the list
+does not repeat one place in other words.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ SIMPLER = 1.2
 """Minimum ratio of a pair's quality to that of each of its conditions alone."""
 MOST_SESSIONS = 100
 """Maximum number of conditions in a family that is searched: one of many sessions fails by chance."""
-ELSEWHERE = "elsewhere"
-"""Place of the error of an axis that lies in none of the listed places."""
+ELSEWHERE, THROUGHOUT = "in all other motion", "in all motion"
+"""Words for the place of an axis' error outside its listed places, and without any listed place."""
 MOST_PLACES = 12
 """Maximum number of listed places."""
 
@@ -67,8 +67,8 @@ def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family
         families: Families of conditions that are searched.
 
     Returns:
-        Places whose shares do not overlap, then the remaining error of each axis where it is material; the
-        shares sum to 1 at most.
+        Places whose shares do not overlap.  Then, for each axis on which much error remains, a place that
+        stands for all other times.  The shares sum to 1 at most.
     """
     tried = [c for c in conditions(families) if len(c.family.words) <= MOST_SESSIONS]
     search = _Search(tried, rows, block % 2 == 0, unexplained)
@@ -95,7 +95,7 @@ def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:
     """Return the place of all time on an axis that lies in none of the places found on the axis."""
     taken = [place.met for place in found if place.axis == axis]
     met = ~np.logical_or.reduce([np.zeros(len(left), bool), *taken])
-    return Place(ELSEWHERE if taken else "throughout", axis, met, float(left.sum()))
+    return Place(ELSEWHERE if taken else THROUGHOUT, axis, met, float(left.sum()))
 
 
 def _share(place: Place) -> float:
@@ -103,7 +103,7 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """Return the mask of P pieces of time in which each of several places is met, (P,), by its words.
+    """Return by the words of each place the mask of the P pieces of time in which the place is met, (P,).
 
     Args:
         wanted: Words of the places, such as "while turning left".
@@ -122,7 +122,7 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """Return the words for conditions that hold at the same time: "while turning left below 1 m/s"."""
+    """Return words for conditions that hold together: "while turning left at speeds below 1 m/s"."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 

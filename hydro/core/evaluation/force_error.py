@@ -48,7 +48,7 @@ def force(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit, Family]:
-    """Return the squares of the wrench on the vehicle that the model lacks, over pieces of time.
+    """Return sums, over pieces of time, of the squared wrench that the model lacks.
 
     Args:
         model: Model.
@@ -59,8 +59,9 @@ def force(
         weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
-        Squares of the wrench below the frequency FASTEST [N^2, N^2 m^2]; squares of the wrench in each of
-        BANDS, one band after the other; and the family of conditions that names the bands.
+        Sums of squares of the wrench below the frequency FASTEST [N^2, N^2 m^2], for P pieces.  The same for
+        each of the frequency BANDS: P pieces of the first band, then P of the next.  The family of conditions
+        that names the band of each of these pieces.
     """
     rng = np.random.default_rng(seed)
     found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
@@ -139,7 +140,7 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return noise as it is in a recording with slow sensors: interpolated in rows without a sample.
+    """Return noise like that of slow sensors: values in rows without a sample are interpolated.
 
     Args:
         noise: Noise of 12 channels in N rows, (N, 12).

@@ -168,7 +168,11 @@ class Means:
         return cls(force, velocity, rows[some], pieces.block[some])
 
     def code(self, against: int) -> Rows:
-        """Return the bin of each piece by velocity component `against`, 0 to 5, (P,); counts are equal."""
+        """Return the number of each piece's bin, (P,); bins of velocity `against` have equal counts.
+
+        Args:
+            against: Velocity component, 0 to 5.
+        """
         speed = self.velocity[:, against]
         edges = np.quantile(speed, np.arange(1, BINS) / BINS)
         code: Rows = np.searchsorted(edges, speed, side="right")
@@ -223,7 +227,7 @@ def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[
 
 
 def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
-    """Return the mean of P values whose errors are shared within blocks, with its interval.
+    """Return the mean of P values with its interval; errors are correlated within blocks.
 
     Args:
         values: Values, (P,).

@@ -27,8 +27,9 @@ def place_times(
         sessions: Name of each segment's session.
 
     Returns:
-        First row, and row after the last, of the K stretches of each place, the longest first, (K, 2), by the
-        words of the place. Places that are no condition, such as `elsewhere`, are left out.
+        By the words of each place, the K stretches of the recording in which the place is met, the longest
+        first, (K, 2): first row, and row after the last.  Places that are no condition, such as "in
+        all other motion", are left out.
     """
     wanted = set(comparison.filter(pl.col("rank").is_not_null())["place"].unique().to_list())
     motion, pieces = Motion.of(record), Pieces.of(record)

@@ -93,10 +93,11 @@ class Family:
         by: Name of the kind, such as `turn` or `speed`.
         words: Words of each condition.
         code: Number of the condition that each piece meets, (P,); -1 for none.
-        doing: Whether the words name an activity and follow `while`; otherwise they qualify an activity.
+        doing: Whether the words name an activity, such as "turning left", and follow "while"; otherwise they
+            add a circumstance, such as "at speeds below 1 m/s".
         unions: Words for several conditions together, and the numbers of these conditions.
-        alone: Whether the conditions are not combined with other families: there are so many of them that a
-            pair would fit by chance.
+        alone: Whether the conditions are never paired with those of other families, as for a family with so
+            many conditions that some pair would fit by chance.
     """
 
     by: str
@@ -172,7 +173,7 @@ def conditions(found: Sequence[Family]) -> Iterator[Condition]:
 
 
 def phrase(several: Sequence[tuple[str, bool]]) -> str:
-    """Return the words of several conditions as one phrase, such as "while turning left below 1 m/s".
+    """Return several conditions as one phrase, such as "while turning left at speeds below 1 m/s".
 
     Args:
         several: Words of each condition, and whether they name an activity.
@@ -200,7 +201,7 @@ def _manoeuvres(motion: Array) -> Iterator[Family]:
     yield _signed("turn", nu[:, 5], ("turning left", "going straight", "turning right"), "turning")
     yield _signed("depth change", sinking, ("climbing", "keeping depth", "diving"), "changing depth")
     yield _signed("acceleration", gain, ("braking", "keeping speed", "accelerating"), "changing speed")
-    yield _ordered("speed", speed, _edges(speed[speed > HOVERING_SPEED], HOVERING_SPEED), "m/s")
+    yield _ordered("speed", speed, _edges(speed[speed > HOVERING_SPEED], HOVERING_SPEED), "m/s", "at speeds ")
     yield _drift(nu)
 
 
@@ -238,6 +239,7 @@ def _surroundings(motion: Array) -> Iterator[Family]:
         z,
         _edges(z[z > 0.0]) if np.ptp(z) > 0.5 else [],
         "m",
+        "at depths ",
         above=lambda e: f"deeper than {e:g} m",
         below=lambda e: f"shallower than {e:g} m",
     )
@@ -323,6 +325,7 @@ def _ordered(
     value: Array,
     edges: Sequence[float],
     unit: str,
+    of: str,
     above: Callable[[float], str] | None = None,
     below: Callable[[float], str] | None = None,
 ) -> Family:
@@ -333,14 +336,15 @@ def _ordered(
         value: The quantity, (P,).
         edges: Limits between ranges, ascending.
         unit: Unit in the words.
-        above: Function from an edge to the words for all ranges above; by default "above 1 m/s".
+        of: First words of a range, such as "at speeds ".
+        above: Function from an edge to the words for all ranges above; by default "at speeds above 1 m/s".
         below: Function from an edge to the words for all ranges below.
     """
-    over = above or (lambda e: f"above {e:g} {unit}")
-    under = below or (lambda e: f"below {e:g} {unit}")
+    over = above or (lambda e: f"{of}above {e:g} {unit}")
+    under = below or (lambda e: f"{of}below {e:g} {unit}")
     if not edges:
         return Family(by, (), np.full(len(value), -1, np.int64), doing=False)
-    between = [f"between {a:g} and {b:g} {unit}" for a, b in itertools.pairwise(edges)]
+    between = [f"{of}between {a:g} and {b:g} {unit}" for a, b in itertools.pairwise(edges)]
     last = len(edges)
     unions = [(over(e), tuple(range(i + 1, last + 1))) for i, e in enumerate(edges[:-1])]
     unions += [(under(e), tuple(range(i + 2))) for i, e in enumerate(edges[1:])]

@@ -113,7 +113,7 @@ def leftover(vehicle: Vehicle, record: Recording, sessions: Sequence[str], seed:
         axis,
         float(whole[axis] / whole.sum()),
         misfit.axes[axis],
-        there.words if there is not None else "",
+        there.words if there is not None and there.words != failure_regimes.THROUGHOUT else "",
         power(slice(3)),
         tuple(power(slice(i, i + 1)) for i in range(len(VELOCITY))),
     )

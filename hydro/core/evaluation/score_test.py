@@ -58,11 +58,11 @@ class Evidence:
 
     @cached_property
     def total(self) -> Array:
-        """Products of the columns over all pieces, X^T X, (P, P)."""
+        """Sum of X^T X over all pieces, (P, P)."""
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
-        """Return the least-squares coefficients of p columns, without all others, times `size`, (p,)."""
+        """Return the least-squares coefficients of a fit of p columns alone, times their `size`, (p,)."""
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
@@ -77,7 +77,7 @@ class Evidence:
 
     @property
     def left(self) -> float:
-        """Share of the squared residual that all columns together leave."""
+        """Share of the squared residual that remains after a joint fit of all columns."""
         return 1.0 - self._explained(range(len(self.size))) / float(self.error.sum())
 
     def scores(self, columns: Columns) -> Array:
@@ -109,13 +109,15 @@ class Evidence:
 def p_values(
     evidence: Evidence, given: Columns, groups: Mapping[str, Sequence[Columns]], seed: int = 0
 ) -> dict[str, float]:
-    """Return the p-value of each group: the chance that the largest statistic of all groups reaches its own.
+    """Return the p-value of each group of columns, corrected for the number of groups.
 
-    The statistic of a group is m^T V^-1 m, with m its score against the model without it.  It is converted to
-    a normal deviate so that groups of different size compare.  A flip gives whole blocks of the score random
-    signs.  Each flip is standardised by the covariance V that white noise gives it.  The reason is that the
-    fit's share of a block depends on the signs of the other blocks (De Santis, Goeman, Hemerik, Davenport and
-    Finos 2022).  So the level holds for wide groups, and where few blocks have most of the leverage.
+    The p-value of a group is the probability that, without any effect, the largest statistic of all groups
+    reaches the statistic of this group.  The statistic is m^T V^-1 m, with the score m of the group given the
+    columns in the model already.  It is converted to a normal deviate so that groups of different size
+    compare.  A flip gives whole blocks of the score random signs.  Each flip is standardised by the
+    covariance V that white noise gives it.  The reason is that the fit's share of a block depends on the
+    signs of the other blocks (De Santis, Goeman, Hemerik, Davenport and Finos 2022).  So the level holds for
+    wide groups, and where few blocks have most of the leverage.
 
     A block is as long as the residual with the group of largest gain is correlated.  The reason is that the
     part that this group explains is not noise.  Of a group with several shapes (alternative sets of columns),

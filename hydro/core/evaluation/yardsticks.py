@@ -120,11 +120,10 @@ class Yardstick:
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to the same recording that they will predict, by cross-validation.
+        """Fit the predictors by cross-validation to the recording on which they will be judged.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
-        other
-        recordings use `of_others` of the result.
+        another recording, call `of_others` on the result.
 
         Args:
             vehicle: Vehicle file, which gives the weights and the wrenches of the thrusters.
@@ -137,7 +136,7 @@ class Yardstick:
 
     @property
     def of_others(self) -> Yardstick:
-        """The yardstick for recordings to which it was not fitted, without folds."""
+        """Yardstick for predictions of another recording, from the fit to the whole training recording."""
         return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(
@@ -268,7 +267,7 @@ def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Arra
 
 
 def lost(errors: pl.DataFrame) -> list[tuple[str, str]]:
-    """Return axes on which a model predicts worse than a simple predictor, each with the best predictor.
+    """Return the axes on which a model predicts worse than a simple predictor: (axis, best simple predictor).
 
     Args:
         errors: Table with `axis`, `predictor`, and the root mean square errors `model` and `simple`, JUDGED

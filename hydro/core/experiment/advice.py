@@ -23,7 +23,7 @@ A smaller difference needs a longer run; the advice then gives its duration.
 
 
 def separating(members: Sequence[str], flight: Flight | None = None) -> str:
-    """Return the advice, in words, which motion separates effects that explain a recording equally well.
+    """Return advice on the motion that separates effects which explain a recording equally well.
 
     Args:
         members: Names of the tied effects.
@@ -163,7 +163,7 @@ def being_alias(effect: str, others: Sequence[str]) -> str:
 
 
 def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) -> str:
-    """Return the advice which motion to record for an effect that the present recording does not show.
+    """Return advice on the motion to record for an effect that the present recording does not show.
 
     Args:
         effect: Name of the effect.

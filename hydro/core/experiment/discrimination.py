@@ -159,7 +159,7 @@ def utility(distances: Parted) -> float:
 
 
 def expected(rival: Rival, total: Array) -> list[Expected]:
-    """Return the standard errors that a flight leaves for the effect that distinguishes a model.
+    """Return the standard errors, after a flight, of the effect that distinguishes a model.
 
     Args:
         rival: The model, with P free components.
@@ -186,7 +186,7 @@ class Unseen:
         name: Name of the effect.
         columns: For each component, the vehicle with a small value of it, and the size of that value in units
             of the component's scale.
-        labels: Name, unit and scale of each component.
+        labels: Name, unit and scale (the size of a significant value) of each component.
     """
 
     name: str

@@ -46,7 +46,7 @@ LEAST_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """Named command table.
+    """Manoeuvre: a table of thruster commands with a name.
 
     Attributes:
         name: Name of one or two words.

@@ -98,9 +98,9 @@ def showing(
 
 
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
-    """Return a vehicle with a clearly larger effect: one scale is added to each of the effect's components.
+    """Return a vehicle in which each component of an effect is larger by its scale.
 
-    The scale of a component is the size of a significant value (`parameters.Entry`).
+    The scale is the size of a significant value (`parameters.Entry`).
 
     Args:
         vehicle: The vehicle.

@@ -150,7 +150,7 @@ def variances(errors: Array, there: Mask) -> Array:
 
 
 def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Array]:
-    """Return the scatter of the estimates about their means, shrunk towards that of all parameters.
+    """Return the scatter of the estimates about their means, shrunk towards the mean scatter.
 
     Args:
         squares: Weighted sum of squares of P parameters about their means before and after each of K dates,

@@ -50,7 +50,7 @@ def headline(found: Sequence[str], dives: int, baseline: int) -> str:
 
 
 def limits() -> str:
-    """Return the sentence on the false alarms to expect in any history, and on the level of its intervals."""
+    """Return a sentence on the false alarms to expect in a history and on the level of its intervals."""
     return (
         f"Expected number of false alarms, over all parameters: at most one in {1.0 / LEVEL:.0f} unchanged "
         "dives. Intervals (±) are of 95 %."

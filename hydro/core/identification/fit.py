@@ -1,9 +1,9 @@
 """Fit of the parameters of named effects, with covariance, to a recording.
 
-There are two methods.  Equation error balances accelerations over windows of the smoothed motion
-(`prediction.weak_form`).  It is fast and close, but noise in the measured motion biases it.  Output error
-predicts short shots and compares them with the log (`prediction.multiple_shooting`).  It starts from the
-equation-error values and is unbiased if the model is true.  Both are weighted least squares, solved by
+There are two methods.  Equation error balances forces and accelerations over windows of the smoothed motion
+(`prediction.weak_form`).  It is fast and nearly right, but noise in the measured motion biases it.  Output
+error predicts short shots and compares them with the log (`prediction.multiple_shooting`).  It starts from
+the equation-error values and is unbiased if the model is true.  Both are weighted least squares, solved by
 Levenberg-Marquardt iterations within bounds.
 """
 
@@ -76,8 +76,8 @@ def fit(
     """Fit named effects to a recording.
 
     Args:
-        vehicle: The vehicle; its effects start from their values, new ones from zero.  Standard errors in the
-            file count as an independent estimate; components held as known are not fitted.
+        vehicle: The vehicle.  Effects of its file start from their values, new effects from zero.  Standard
+            errors in the file count as an independent estimate; components marked as known are not fitted.
         raw: Raw table of the measured motion and commands.
         effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
             choice), or tables with initial values.
@@ -205,12 +205,13 @@ def by_equation_error(
     """Return the best equation-error fit over all initial guesses, with its reduced chi-square.
 
     Args:
-        unknown: The free entries.
+        unknown: The P free components.
         windows: Windows of the recording.
-        reach: Positions and times of the recording, (N, 4).
+        reach: Positions [m] and times [s] in the N rows of the recording, (N, 4).
 
     Returns:
-        Values, (P,); the reweighted problem; and the reduced chi-square of the first fit.
+        Values, (P,); the problem with weights that fit its residuals; and the reduced chi-square before
+        reweighting.
     """
     tried = [
         descend(unknown, start, windows, ITERATIONS) for start in initial_guesses(unknown, windows, reach)

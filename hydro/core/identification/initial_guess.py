@@ -1,8 +1,9 @@
 """Initial guesses for effects that are not linear in all of their parameters.
 
-Most such parameters have no influence at zero: a payload without weight may be anywhere.  The columns of
-`identification.suspects` are linear, such as a payload's weight and its three moments.  The linear problem
-with all other free components gives their sizes, and so the position of the weight.
+Most such parameters have no influence while the effect is zero: a payload without weight may be anywhere.  So
+the effect is replaced by columns of a linear problem (`identification.suspects`), such as the payload's
+weight and its three moments.  Their coefficients, fitted with all other free components, give the weight and
+its position.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ KEPT = 4
 
 
 def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Array, ...]:
-    """Return initial values (P,), best first; those of `unknown` where all effects are linear.
+    """Return initial values of the free components, (P,) each, the best first.
+
+    If all effects are linear, they are those of `unknown`.
 
     Args:
-        unknown: The free components.
-        problem: What is fitted.
-        reach: Positions and times of the recording, (N, 4).
+        unknown: The P free components.
+        problem: Least-squares problem that is fitted.
+        reach: Positions [m] and times [s] in the N rows of the recording, (N, 4).
     """
     names = [name for name in _curved(unknown) if _open(unknown, name)]
     if not names:
@@ -50,12 +53,13 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
 def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost: float) -> tuple[Array, ...]:
     """Return other initial values (P,) that may lead to a smaller cost, one for each effect of the file.
 
-    A fit from a file's values stays in their local minimum, as with a cable whose anchor is wrong by its
-    length or with a delay that does not exist.  All shapes in the record of such an effect are tried instead.
+    A fit that starts from wrong values of the file may end in a local minimum: for example, with a tether
+    whose anchor is wrong by the tether's length, or with a delay that does not exist.  So all trial shapes of
+    each nonlinear effect are tried, too.
 
     Args:
         unknown: The free components.
-        values: Their fitted values, (P,).
+        values: Fitted values of the components, (P,).
         problem: What is fitted.
         reach: Positions and times of the recording, (N, 4).
         cost: Sum of squares at `values`; only guesses with a smaller predicted cost are returned.

@@ -46,8 +46,8 @@ class Prior:
     """Normal prior distribution of parameters, in units of the components' scales.
 
     Attributes:
-        centre: Its mean, (P,).
-        information: Inverse of its variances, (P,), in units of the least-squares problem's information.
+        centre: Mean of the distribution, (P,).
+        information: Inverse of the variances, (P,), in units of the least-squares problem's information.
     """
 
     centre: Array
@@ -55,11 +55,15 @@ class Prior:
 
     @classmethod
     def weak(cls, start: Array) -> Prior:
-        """Return a prior with a standard deviation of PRIOR scales about the start, (P,) in scales."""
+        """Return a prior with a standard deviation of PRIOR scales about initial values.
+
+        Args:
+            start: Initial values in units of the components' scales, (P,).
+        """
         return cls(start, np.full(len(start), PRIOR**-2))
 
     def cost(self, x: Array) -> float:
-        """Return the prior cost of values (P,) in scales."""
+        """Return the prior's sum of squares for values x (P,), in units of the components' scales."""
         return float((self.information * (x - self.centre) ** 2).sum())
 
 
@@ -68,7 +72,7 @@ PROFILE = (-2.0, -1.0, 1.0, 2.0)
 
 
 class Problem(Protocol):
-    """Protocol of a least-squares problem."""
+    """Protocol of a least-squares problem whose parameters are numbers of a vehicle file."""
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Linearise the problem about a vehicle."""
@@ -90,11 +94,24 @@ def descend(
     prior: Prior | None = None,
     normal: Normal | None = None,
 ) -> tuple[Array, Normal, Problem]:
-    """Minimise by Levenberg-Marquardt within bounds, in units of the components' scales, from `start`.
+    """Minimise the cost by Levenberg-Marquardt iterations within bounds, in units of the components' scales.
 
-    `prior` is the prior of the values, by default a weak one.  `normal` is the problem linearised at the
-    start, if available.  The iteration ends at a step with too small a gain in cost.  The limit is `enough`
-    times the reduced chi-square, or `share` of the cost in excess of the noise, whichever is larger.
+    The iteration ends when a step lowers the cost by too little.  The limit is `enough` times the reduced
+    chi-square, or `share` of the cost in excess of the noise, whichever is larger.
+
+    Args:
+        unknown: The P free components.
+        start: Initial values, (P,).
+        problem: The problem.
+        iterations: Maximum number of steps.
+        enough: Limit of the gain, see above.
+        share: Limit of the gain as a share, see above.
+        prior: Prior of the values; by default a weak one.
+        normal: Problem linearised at `start`, if available.
+
+    Returns:
+        Values, (P,); the problem linearised at the values; and the problem with its internal unknowns
+        updated.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
@@ -146,7 +163,12 @@ def linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
 
 
 def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
-    """Return the vehicle with each component of `here` (P,) moved a little within bounds, and the steps."""
+    """Return P vehicles with one component each moved a little within its bounds, and the P steps.
+
+    Args:
+        unknown: The P free components.
+        here: Values in units of the components' scales, (P,).
+    """
     vehicles, steps, (_, high) = [], [], unknown.bounds
     for i, entry in enumerate(unknown.entries):
         values = here.copy()
@@ -158,7 +180,7 @@ def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
 
 
 def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
-    """Return the squared residual that p columns explain and their coefficients, (p,); all others stay fixed.
+    """Return the squared residual that p columns explain, and their coefficients, (p,), others fixed.
 
     Directions that the recording does not determine, such as two thrusters with equal commands, stay
     unchanged.
@@ -172,10 +194,10 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
 
 
 def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 0.0) -> Array:
-    """Return values (P,) with each stepped component at its best place along its own line.
+    """Return values (P,) in which every component that acts in steps is at its best value on a line search.
 
-    All other components follow the linearised problem at every place.  The search ends at the component's
-    resolution, or at the `narrowest` spacing in scales.
+    At each trial value, all other components follow the linearised problem.  The search ends at the
+    component's resolution, or at the spacing `narrowest` in units of its scale.
     """
     low, high = unknown.bounds
     for i, entry in enumerate(unknown.entries):
@@ -208,9 +230,10 @@ def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
 
 
 def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Normal:
-    """Linearise at the best values with derivatives over sqrt(26) standard errors for stepped components.
+    """Linearise at the best values; for components that act in steps, over sqrt(26) standard errors.
 
-    Steps shrink from wide to narrow.  The loop ends at a step so narrow that it contains no row of commands.
+    The module explains this width of the difference.  Widths are tried from wide to narrow.  The loop ends at
+    a width that contains no row of commands.
     """
     stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
     before = errors_of(normal)
@@ -238,20 +261,20 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Return standard errors of all values, marginalised over the profile of each of some components, (P,).
+    """Return standard errors (P,) that include the uncertainty of some components beyond linearity.
 
-    An undetermined exponent makes its coefficient far more uncertain than the local curvature shows: a drag
-    with another exponent may imitate a quadratic one.  The component is set to each offset of PROFILE and the
-    others are refitted.  Each place has the weight of its likelihood.  The variance is the mean variance at
-    the places plus the variance between them.
+    An undetermined exponent makes its coefficient far more uncertain than the local curvature shows, since a
+    drag with another exponent may imitate a quadratic one.  Each such component is set to each offset of
+    PROFILE, and all other components are refitted.  Each of these fits has the weight of its likelihood.  The
+    variance of a value is the mean variance of the fits plus the variance between them.
 
     Args:
         unknown: The components.
-        values: Their best values, (P,).
-        normal: The problem about them.
+        values: Best values, (P,).
+        normal: The problem linearised at the values.
         problem: The fitted problem.
         errors: Standard errors of the values, (P,).
-        entries: Indices of the profiled components.
+        entries: Indices of the components that are set to offsets.
     """
     found = errors.copy()
     for i in entries:
@@ -293,6 +316,6 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
 
 
 def errors_of(normal: Normal) -> Array:
-    """Return the standard errors in scales, (P,)."""
+    """Return the standard errors in units of the components' scales, (P,)."""
     count = normal.score.shape[1]
     return np.asarray(np.sqrt(np.diag(covariance(normal, np.full(count, PRIOR**-2)))))

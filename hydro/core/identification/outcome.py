@@ -34,16 +34,16 @@ IMPASSIVE = (
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a fit.
+    """Result of a fit of P components of a vehicle file.
 
     Attributes:
         vehicle: The vehicle with the fitted values.
         free: The components that were fitted.
-        values: (P,) in the units of the components.
-        standard_errors: (P,).
-        covariance: (P, P).
-        determined: Which components the data determine, (P,).
-        chi2: Reduced chi-square: mean square of the residuals in units of the noise; about 1 for a true
+        values: Fitted values in the units of the components, (P,).
+        standard_errors: Standard errors of the values, (P,).
+        covariance: Covariance of the values, (P, P).
+        determined: Mask of the components that the data determine, (P,).
+        chi2: Reduced chi-square: mean squared residual in units of the noise variance; about 1 for a true
             model.
         method: `output` or `equation`.
         warnings: Warnings to the user, one line each.
@@ -67,8 +67,8 @@ class Fit:
         """Return the `[[effect]]` tables of the fitted effects, with their standard errors.
 
         Values are rounded to a hundredth of their standard errors.  Damping at the limit of passivity keeps
-        as many more digits as it needs to stay passive.  A form replaced by another (a diagonal by a matrix)
-        is None.
+        as many more digits as it needs to stay passive.  A parameter that another one replaces, such as
+        `diagonal` by `matrix`, is None.
         """
         places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
         values = self._rounded(places)
@@ -154,15 +154,15 @@ def with_uncertainty(
     file: Vehicle | None = None,
     least: Array | None = None,
 ) -> Fit:
-    """Add covariance and warnings to fitted values, and make the vehicle physically possible.
+    """Return the result of a fit: covariance, warnings, and values that are physically possible.
 
     Args:
-        unknown: The components.
-        values: Their best values, (P,).
-        normal: The problem about them.
+        unknown: The P free components.
+        values: Best values, (P,).
+        normal: The problem linearised at the values.
         chi2: Reduced chi-square.
         method: `output` or `equation`.
-        file: The vehicle whose file states standard errors of its values, which count as another estimate.
+        file: Vehicle whose file gives standard errors; its values count as an independent estimate.
         least: Lower limits of the standard errors, (P,); correlations stay.
     """
     warnings: list[str] = []

@@ -28,15 +28,16 @@ HALVINGS = 20
 
 
 def possible(unknown: Free, values: Array, information: Array) -> Array:
-    """Return values that `validate` accepts: the fitted ones (P,), or the best of the accepted ones.
+    """Return the values closest to the fitted ones that `effects.validate` accepts, (P,).
 
-    If no cuts succeed, couplings, or all values, are moved back toward the initial values, or toward zero if
-    those are not accepted either.  Values stay unchanged if zero is not accepted.
+    If no cuts succeed, couplings, and then all values, are moved back toward the initial values, or toward
+    zero if the initial values are not accepted either.  The values stay unchanged if zero is not accepted.
 
     Args:
-        unknown: The components.
-        values: The fitted values, (P,).
-        information: X^T X of the problem about them, in the components' scales, positive definite, (P, P).
+        unknown: The P components.
+        values: Fitted values, (P,).
+        information: X^T X of the problem at the fitted values, in units of the components' scales, positive
+            definite, (P, P); "closest" is measured with it.
     """
     if accepted(unknown, values):
         return values

@@ -3,8 +3,8 @@
 Without a prior, a fit moves undetermined components arbitrarily.  A slow survey may leave the quadratic
 damping of roll anywhere, and a vehicle with a correct value would become worse.  A value of a file is assumed
 to be known within its own size, or within that of the fitted value if that is larger.  So values that are
-wrong by a factor of ten are still corrected.  A standard error of the file is used instead.  A
-recording with more information than the prior is not affected.
+wrong by a factor of ten are still corrected.  If the file gives a standard error, it replaces this
+assumption.  The result hardly depends on the prior where the recording has more information.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ ABSURD = 4.0
 
 @dataclass(frozen=True)
 class Change:
-    """Change of a file's value by a fit.
+    """Change of one component from the value in a vehicle file to the fitted value.
 
     Attributes:
         entry: The component.
-        given: Its value in the file.
-        value: The fitted value.
-        deviations: Their distance, in prior standard deviations of the file's value.
+        given: Value in the file.
+        value: Fitted value.
+        deviations: Difference of both in standard deviations of the prior of the file's value.
     """
 
     entry: Entry
@@ -48,16 +48,17 @@ class Change:
 
 
 def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return prior standard deviations of components of a file, (P,), in their units.
+    """Return the prior standard deviations of components of a vehicle file, in their units, (P,).
 
-    They are the file's `standard_error`, EXACTLY for components held as known, and KNOWN otherwise.
+    They are the file's `standard_error`; EXACTLY for components marked as known; and KNOWN, relative to the
+    value, otherwise.
     """
     said = stated(file, entries)
     return np.where(np.isfinite(said), said, KNOWN * _sizes(file, entries))
 
 
 def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return the standard deviations of components in a vehicle file, (P,); infinite if the file has none."""
+    """Return the standard errors that a vehicle file gives for components, (P,); infinite without one."""
     found, sizes = np.full(len(entries), np.inf), _sizes(file, entries)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})
@@ -73,16 +74,17 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
 def combined(
     values: Array, spread: Array, file: Vehicle, entries: Sequence[Entry]
 ) -> tuple[Array, Array, list[str]]:
-    """Combine an estimate with the values and standard errors of a file (a Kalman update).
+    """Combine estimates from a recording with the values and standard errors of a file (a Kalman update).
 
     Args:
         values: Estimates from a recording, (P,).
-        spread: Their covariance, (P, P).
-        file: The vehicle with independent values and their standard errors.
-        entries: The components.
+        spread: Covariance of the estimates, (P, P).
+        file: Vehicle whose file gives independent values with standard errors.
+        entries: The P components.
 
     Returns:
-        Combined values and covariance, and a sentence for each component with contradictory estimates.
+        Combined values, (P,); their covariance, (P, P); and a sentence for each component on which recording
+        and file contradict each other.
     """
     said, given = stated(file, entries), in_file(file, entries)
     own = np.flatnonzero(np.isfinite(said))
@@ -113,17 +115,16 @@ def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> C
 
 
 def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:
-    """Shrink fitted values toward those of the file, each by its prior (a Kalman update).
+    """Shrink fitted values toward those of the vehicle file, by the prior of each (a Kalman update).
 
     Args:
-        unknown: The free components.
-        values: Their fitted values, (P,).
-        normal: The problem linearised at them, in units of the components' scales.
-        file: The vehicle of the file; components of new effects change only by their correlation with the
-            others.
+        unknown: The P free components.
+        values: Fitted values, (P,).
+        normal: The problem linearised at the fitted values, in units of the components' scales.
+        file: Vehicle file.  Components of new effects change only through their correlation with others.
 
     Returns:
-        (P,), within the bounds.
+        Values within the bounds, (P,).
     """
     own = [i for i, entry in enumerate(unknown.entries) if file.effects(entry.effect)]
     if not own:

@@ -1,10 +1,11 @@
 """Candidate effects of the whole catalogue, as columns of a linear problem.
 
-An effect that is linear in its parameters gives one column per parameter.  A nonlinear effect (the rate of a
-memory, the place of an anchor) gives several candidates, each with that parameter fixed at a grid value.  A
-fit of the effect starts from the best of them.  An effect with a threshold or delay also gives several
-candidates, each a finite change, not a derivative.  A coarse grid shows whether an effect deserves a closer
-look; a fine grid (`shapes`) supplies initial values.  The record of an effect defines its shapes.
+An effect that is linear in its parameters gives one column per parameter.  An effect with a nonlinear
+parameter, such as the place of a tether's anchor, gives several candidates, each with that parameter fixed at
+a value of a grid.  A fit of the effect starts from the best of these candidates.  An effect with a threshold
+or delay also gives several candidates, each a finite change, not a derivative.  A coarse grid shows whether
+an effect deserves a closer look; a fine grid (`shapes`) supplies initial values.  The record of an effect
+defines its shapes.
 """
 
 from __future__ import annotations
@@ -26,13 +27,14 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Suspect:
-    """Candidate effect, or one shape of it, as columns of a linear problem.
+    """Candidate effect as columns of a linear problem, with its nonlinear parameters at fixed values.
 
     Attributes:
         effect: Name in the catalogue.
-        changed: The vehicle with a small change of each parameter, one vehicle per column.
-        steps: Size of the changes, in units in which 1 is a significant change.
-        begin: Function from amounts (columns,) to the `[[effect]]` table of initial values.
+        changed: For each column, the vehicle with a small change of one parameter.
+        steps: For each column, the size of the change, as a multiple of the parameter's significant size.
+        begin: Function from the fitted coefficients of the columns, (columns,), to the `[[effect]]` table
+            from which a nonlinear fit starts.
     """
 
     effect: str
@@ -48,7 +50,7 @@ def suspects(
     reach: Array | None = None,
     completing: bool = False,
 ) -> list[Suspect]:
-    """Return all effects that may be missing, or have other values than in the vehicle file.
+    """Return candidates for all effects that the vehicle may lack, or that may have other values.
 
     Args:
         vehicle: The vehicle.
@@ -72,33 +74,38 @@ def suspects(
 
 
 def replaces_drag(vehicle: Vehicle, name: str) -> bool:
-    """Return whether an effect is a drag law of the whole hull, and the vehicle has drag already.
+    """Return whether an effect is a drag law of the whole hull, for a vehicle that has drag already.
 
-    Such a law would describe the hull better than the file in any recording, so it hides what has changed.
+    In any recording such a law would describe the hull better than the file does, and so hide what has
+    changed.
     """
     has_drag = any(Role.DRAG in CATALOGUE[str(table["name"])].roles for table in vehicle.effect)
     return has_drag and Role.WHOLE_HULL in CATALOGUE[name].roles
 
 
 def is_curved(name: str) -> bool:
-    """Return whether an effect is nonlinear in any of its parameters."""
+    """Return whether an effect of the catalogue is nonlinear in any parameter."""
     return not CATALOGUE[name].identification.linear
 
 
 def choice(vehicle: Vehicle, effect: str) -> str:
-    """Return the form of an effect to try, as `parameters.free` takes it."""
+    """Return the name of an effect with the parameter form to try, such as `linear_damping.diagonal`.
+
+    `parameters.free` reads such names.
+    """
     form = CATALOGUE[effect].identification.form
     return effect if form is None or vehicle.effects(effect) else f"{effect}.{form}"
 
 
 def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = False) -> list[dict[str, Any]]:
-    """Return tables of simpler effects that an effect of a vehicle may approximate and the vehicle lacks.
+    """Return tables of simpler effects with nearly the same forces, which the vehicle file lacks.
 
     Args:
         vehicle: The vehicle with the effect.
-        effect: Its name.
-        file: The vehicle file without it.
-        itself: Also return the effect itself with fewer parameters, such as one gain for all thrusters.
+        effect: Name of the effect.
+        file: The vehicle file without the effect.
+        itself: Whether to include the effect itself with fewer parameters, such as one gain for all
+            thrusters.
     """
     reduced = CATALOGUE[effect].identification.plainer
     if reduced is None:
@@ -111,7 +118,7 @@ def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = Fals
 
 
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """Return a finer grid of one effect than `suspects`; empty for effects that need none."""
+    """Return candidates of one effect on a finer grid than `suspects` uses; empty if none is needed."""
     return _shaped(vehicle, effect, CATALOGUE[effect].identification.fine, reach)
 
 
@@ -134,7 +141,10 @@ def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | N
 
 
 def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> Suspect:
-    """Return one column per component of a (nearly) linear effect, about zero or its present values."""
+    """Return an effect that is (nearly) linear as one candidate with a column for each component.
+
+    The columns are derivatives at the effect's present values, or at zero if the vehicle lacks the effect.
+    """
     unknown = free(vehicle, [choice(vehicle, effect)], reach=reach)
     name = unknown.entries[0].effect
     start, (low, high) = unknown.starts[0], unknown.bounds

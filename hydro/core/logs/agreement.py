@@ -48,7 +48,7 @@ MOVING = 2.0
 
 
 def windows(times: Sequence[Array], dt: float) -> list[Array]:
-    """Return the times of the rows of each window, per session: contiguous, none across a gap.
+    """Return the times of the rows of each window, by session; no window extends across a gap.
 
     Args:
         times: Times of the rows of each session [s].
@@ -72,7 +72,7 @@ def windows(times: Sequence[Array], dt: float) -> list[Array]:
 
 
 def testable(given: LogMap) -> Mask:
-    """Return which components of translation and rotation a log can test, (6,)."""
+    """Return a mask of the components of translation and rotation that a log can test, (6,)."""
     placed, turned = given.position, given.attitude is not None
     level = placed is not None and bool(placed.columns)
     moves = turned and given.velocity is not None and placed is not None
@@ -87,9 +87,10 @@ def tested(given: LogMap) -> tuple[bool, bool]:
 
 
 class Evidence:
-    """Windows of a log, with cached values of each reading of a block of the map.
+    """Windows of a log, from which the residuals of any map of its columns are computed.
 
-    Methods that take a map return values of W windows with m + 1 rows each.
+    Values of a block of the map are kept for the next call.  Methods that take a map return values of W
+    windows with m + 1 rows each.
 
     Args:
         logs: Sessions of the log.
@@ -176,7 +177,7 @@ class Evidence:
 
     @cached_property
     def few(self) -> Evidence:
-        """Evidence of at most FEW windows, spread evenly; itself if it has fewer."""
+        """At most FEW of the windows, spread evenly."""
         every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
@@ -200,8 +201,8 @@ class Evidence:
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """Return the residuals of both identities of each window, (W, 6) [m/s, rad/s].
 
-        The first three are of translation, the others of rotation.  They are 0 where the log lacks one side
-        of the identity.
+        The first three are of translation, the others of rotation.  A residual is 0 if the log does not
+        measure both sides of its identity.
 
         Args:
             given: Map that reads the log.
@@ -219,9 +220,13 @@ class Evidence:
         return np.array([_rms(self.translation(given, rule)), rotation])
 
     def shares(self, given: LogMap) -> Array:
-        """Return the errors of translation and rotation as shares of the motion, (2,).
+        """Return the errors of translation and rotation divided by the motion, (2,).
 
-        Shares are needed because a log read in millimetres has small errors too.
+        Absolute errors would not do, because a log whose millimetres are read as metres has other errors,
+        too.
+
+        Args:
+            given: Map that reads the log.
         """
         shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
         return np.where(tested(given), shares, SETTLED)

@@ -31,7 +31,7 @@ RARE = 0.1  # extra cost of NWU over ENU; both fit, since a turn of world and he
 
 @dataclass(frozen=True)
 class Change:
-    """Change of one block of a map: settings replaced, one column reversed, or two exchanged.
+    """Change of one block of a map: settings replaced, one column reversed, or two columns exchanged.
 
     Attributes:
         block: Name of the block.
@@ -66,7 +66,7 @@ class Change:
         )
 
     def claim(self, declared: LogMap) -> str:
-        """Describe the contradiction: `velocity looks FLU, not FRD as declared`."""
+        """Describe how the data contradict the declared map: `velocity looks FLU, not FRD as declared`."""
         block = getattr(declared, self.block)
         if self.flip is not None:
             return f"{self.block}: column {measured(block)[self.flip].column} looks reversed"
@@ -77,7 +77,7 @@ class Change:
         return f"{self.block} looks {now}, not {then} as declared"
 
     def advice(self, declared: LogMap) -> str:
-        """Return the advice for the map file."""
+        """Return the advice how to correct the map file."""
         if self.exchange is not None:
             first, second = self.columns(declared)
             return f"write {second} in the place of {first} and {first} in that of {second} in {self.block}"
@@ -97,7 +97,7 @@ class Change:
 
 
 def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
-    """Return other frames, units, orders and layouts of each block, one setting at a time.
+    """Return by block the changes to other frames, units, orders and layouts, one setting at a time.
 
     The attitude's world and body also change together: ROS's ENU and FLU are easily mistaken for NED and FRD.
     """
@@ -119,7 +119,7 @@ def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
 
 
 def flips(declared: LogMap) -> list[Change]:
-    """Return reversals of each column of pose and velocity, except those of a quaternion."""
+    """Return a reversal of each column of pose and velocity, except columns of a quaternion."""
     found = []
     for name, block in blocks_of(declared).items():
         if getattr(block, "quaternion", None) is None:
@@ -128,7 +128,7 @@ def flips(declared: LogMap) -> list[Change]:
 
 
 def exchanges(declared: LogMap) -> list[Change]:
-    """Return exchanges of any two columns of a block, except those of a quaternion, ordered by its layout."""
+    """Return exchanges of any two columns of a block, except columns of a quaternion."""
     return [
         Change(name, exchange=pair)
         for name, block in blocks_of(declared).items()

@@ -1,9 +1,9 @@
 """Detection of mislabelled columns of a raw table: reversed, exchanged, in degrees, in other frames.
 
 The columns of a raw table have a defined meaning, so `logs.convention_check` tests the table like a log with
-its map: d(position)/dt = R v and dR/dt = R S(omega), whatever forces act (see `logs.agreement`).  If only one
-reading of the columns fits the kinematics, the table is corrected.  If two readings fit equally well, or a
-velocity was not measured, only the author of the log can decide.
+its map: d(position)/dt = R v and dR/dt = R S(omega), whatever forces act (see `logs.agreement`).  If exactly
+one meaning of the columns fits the kinematics, the table is corrected.  If two meanings fit equally well, or
+a velocity was not measured, only the author of the log can decide.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class AxisFaults:
     """Mislabelled columns of a raw table, and the map that reads them correctly.
 
     Attributes:
-        follows: Map that the data follow.
-        wrong: One fault of each kind, with advice on how to import the log.
+        follows: Map with the meaning of the columns that the data show.
+        wrong: Faults, one of each kind, with advice how to import the log.
     """
 
     follows: LogMap
@@ -63,7 +63,7 @@ class AxisFaults:
         )
 
     def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
-        """Return the table with the columns corrected to their labels."""
+        """Return the table with values corrected to what the columns' names mean."""
         return read_as(raw, self.follows)
 
 

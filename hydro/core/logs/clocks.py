@@ -34,7 +34,8 @@ class Evened:
     """Receive times converted to the clock of their sender.
 
     Attributes:
-        t: Send times [s], (n,), up to the shortest delay, which receive times do not show.
+        t: Send times [s], (n,); all are late by the shortest delay of a message, which receive times cannot
+            show.
         period: Step of the sender [s].
         latest: Largest delay of a message relative to the earliest one [s].
     """
@@ -52,7 +53,7 @@ def require_plausible(step: float, time: Time) -> None:
         time: The clock of the map.
 
     Raises:
-        DataError: The unit must be another one; the message names plausible units.
+        DataError: The declared unit of time is implausible; the message names plausible units.
     """
     if not np.isfinite(step) or step <= 0.0 or SLOWEST <= 1.0 / step <= FASTEST:
         return
@@ -85,15 +86,14 @@ def evened(t: Array) -> Evened | None:
     """Convert receive times of a periodic topic to its sender's clock.
 
     A message is received no earlier than it was sent.  So the sender's clock is the closest straight line
-    below all receive times over their index.  It is the edge of their lower convex hull at the mean index.
-    The order is kept.  A pause starts a new line.
+    below the receive times, plotted over the message number.  This line is the edge, at the mean number, of
+    their lower convex hull.  The order is kept.  A pause starts a new line.
 
     Args:
         t: Receive times of every message [s], (n,), not falling.
 
     Returns:
-        Send times; None where no even clock explains the receive times: messages were lost, or were not sent
-        at even steps.
+        Send times; None if messages were lost, or were not sent at even steps.
     """
     if len(t) < LEAST or not t[-1] > t[0]:
         return None

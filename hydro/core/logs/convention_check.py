@@ -44,9 +44,9 @@ class Verdict:
     """Result of the test of a log and its map.
 
     Attributes:
-        agreement: RMS difference of position's rate [m/s] and of attitude's rate [rad/s] from the logged
-            velocities, as declared; NaN where the log cannot test it.
-        contradictions: One line for each setting that the data contradict; empty if they agree.
+        agreement: RMS difference of the position's rate [m/s] and of the attitude's rate [rad/s] from the
+            logged velocities, with the declared map; NaN where the log cannot test it.
+        contradictions: One line for each setting of the map that the data contradict.
         notes: Lines on untestable settings and other anomalies.
         follows: Map that the data follow; the declared one if nothing contradicts it.
         disagree: Whether position and velocity disagree under every reading, and whether attitude and rates
@@ -325,17 +325,17 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
 
 
 def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
-    """Return changes of other blocks that explain the log as well as the change in `found` does.
+    """Return maps with a change in another block that explain the log as well as `found`.
 
     For a level vehicle, w reversed is equivalent to z reversed.
 
     Args:
         evidence: Windows of the log.
         declared: Declared meaning of the columns.
-        found: Declared map with one change.
+        found: Declared map with a change in one block.
 
     Returns:
-        The declared map with the smallest such change of each block, if any.
+        For each other block, the declared map with the smallest such change, if there is one.
     """
     (own,) = difference(declared, found)
     changes = [change for several in frame_changes(declared).values() for change in several]
@@ -352,13 +352,13 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
 
 
 def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """Describe one setting that the data contradict: the reading that agrees, its error, and the advice.
+    """Describe one setting that the data contradict: the setting that fits, its error, and the advice.
 
     Args:
         evidence: Windows of the log.
         declared: Declared map.
         found: Map that the data follow.
-        change: The setting, one of the differences between both maps.
+        change: The contradicted setting, one of the differences between both maps.
     """
     best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
     which = int(np.argmax(left / np.hypot(best, RESOLUTION)))

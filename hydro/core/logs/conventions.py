@@ -1,7 +1,7 @@
 """Conversion of frames, units and signs of a log to NED, FRD and SI.
 
-Every function reads one block of a `LogMap` and returns that quantity at given times.  Another reading of the
-same columns is the same call with another block.
+Every function reads the columns of one block of a `LogMap` and returns their quantity at given times.  To
+read the same columns with another meaning, pass another block.
 """
 
 from __future__ import annotations
@@ -80,11 +80,11 @@ class SessionLog:
 
     Attributes:
         name: Name of the session.
-        t: Times since its start [s], shape (n,), not falling.
-        columns: Numbers as logged, (n,) each, NaN where a cell is empty.
-        clocks: Times of columns not sampled at `t` [s], as many as the column has rows; they do not fall from
-            one sample to the next.
-        unset: Rows of command columns in which the log contains NaN, (n,) each; an empty cell does not count.
+        t: Times since the start of the session [s], shape (n,), not falling.
+        columns: Numbers as logged, (n,), by column; NaN where a cell is empty.
+        clocks: Times of the rows of a column with a clock of its own [s], not falling, by column.
+        unset: Masks of the rows in which the log contains NaN, (n,), by command column; an empty cell does
+            not count.
         cut: Reason for the start of the session, if the clock of the log jumped there; else empty.
     """
 
@@ -175,8 +175,8 @@ def commands(
         mixer: Mixer of the map, from demands to thrusters; None without one.
 
     Returns:
-        Commands of the n thrusters, (N, n), and which of them, after the mixer if any, were beyond [-1, 1]
-        and were clipped.
+        Commands of the n thrusters, (N, n), and a mask of the commands that were beyond [-1, 1], after any
+        mixer, and were clipped, (N, n).
     """
     values = np.empty((len(at), len(block.columns)))
     for i, source in enumerate(map(command, block.columns)):
@@ -189,10 +189,10 @@ def commands(
 
 
 def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> None:
-    """Refuse commands that cannot be shares of full thrust.
+    """Refuse commands whose size shows that they are not shares of full thrust.
 
     Raises:
-        DataError: A command is so far beyond -1 to 1 that its unit must be another one.
+        DataError: A command is so far beyond -1 to 1 that the declared unit must be wrong.
     """
     for i, source in enumerate(map(command, block.columns)):
         drive = _drive(log, source, block, at, dt)
@@ -205,7 +205,7 @@ def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> No
 
 
 def in_degrees(angles: Sequence[Array]) -> bool:
-    """Return whether roll, pitch and yaw cannot be radians.
+    """Return whether roll, pitch and yaw are so large that they must be degrees.
 
     Roll and pitch in radians never exceed a turn.  Yaw in radians may count turns: it starts within one turn
     and continues in steps below half a turn.
@@ -222,7 +222,7 @@ def in_degrees(angles: Sequence[Array]) -> bool:
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
-    """Return a message if angles that the map declares as radians cannot be; else an empty string."""
+    """Return a message if the map declares radians and the angles are too large; else an empty string."""
     if block.columns is None or block.unit == "deg":
         return ""
     angles = [log.channel(source).values for source in block.columns]
@@ -260,7 +260,7 @@ def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:
         dt: Sample time [s].
 
     Raises:
-        DataError: A reading is implausible, so that its unit must be another one.
+        DataError: A reading is implausible, so that the declared unit must be wrong.
     """
     given = log.channel(named(block.column))
     if not len(given.t):

@@ -1,4 +1,4 @@
-"""Estimation of delays of sensors relative to the pose, and of the motion relative to the commands.
+"""Estimation of the delays of sensors relative to the pose, and of the motion relative to the commands.
 
 Sensors are compared with the pose by kinematics (see `logs.agreement`).  The lag of a sensor is the time
 shift of its samples that best satisfies d(position)/dt = R v and dR/dt = R S(omega).  Commands are compared

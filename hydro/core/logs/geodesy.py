@@ -13,7 +13,7 @@ NORTH, EAST = "north of the first fix", "east of the first fix"
 
 
 def metres(latitude: Array, longitude: Array, first: tuple[float, float]) -> tuple[Array, Array]:
-    """Return the distances [m] north of a place, (n,), and east of it, (m,).
+    """Return the distances north, (n,), and east, (m,), of latitudes and longitudes from a place [m].
 
     The curvature of WGS 84 at this place is used.
 

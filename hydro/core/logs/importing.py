@@ -39,7 +39,7 @@ class Gap:
     Attributes:
         session: Name of the session.
         start: Time of the last row before the gap [s].
-        stop: Time of the first row after it [s].
+        stop: Time of the first row after the gap [s].
     """
 
     session: str
@@ -53,13 +53,15 @@ class Imported:
 
     Attributes:
         frame: The raw table.
-        meaning: The map that reads `logs`: the declared one, with columns of derived rates.
-        logs: The sessions with rows, with samples at their own times and at the body origin.
+        meaning: The map that reads `logs`: the declared map, with columns for rates that were derived from
+            the attitude.
+        logs: The sessions that have rows.  Samples have their own times, and are converted to the body
+            origin.
         times: Times of each session at which all channels have values, on a grid of `dt` [s].
         dt: Sample time [s].
         gaps: Missing rows within sessions.
         left_out: Sessions with fewer than two rows on which all channels have values.
-        clipped: Number of commands beyond [-1, 1], of each thruster that has some.
+        clipped: Number of commands beyond [-1, 1], by thruster.
         notes: Changes of the samples before the import, a line each.
     """
 

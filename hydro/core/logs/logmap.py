@@ -97,7 +97,11 @@ class Time(_Part, frozen=True):
 
 
 class Session(_Part, frozen=True):
-    """Division into sessions: by a column, or all by one `name`; split where time stops for `gap` [s]."""
+    """Division of a log into sessions.
+
+    Sessions are the values of a column, or one session with a `name`.  A session is also split where no
+    sample arrives for `gap` [s].
+    """
 
     column: str | None = None
     name: str | None = None
@@ -141,10 +145,11 @@ class Attitude(_Sensor, frozen=True):
 
 
 class Velocity(_Sensor, frozen=True):
-    """Velocity over ground, along body axes or along world axes.
+    """Velocity over ground, along body axes or world axes.
 
-    It is that of the body origin, or of a sensor placed by `mount`.  World axes are rotated to the body.
-    `held`: readings that repeat the last one are dropped; by default if many do.
+    It is the velocity of the body origin, or with `mount` that of a sensor.  A velocity along world axes is
+    rotated to the body.  `held` states whether readings that repeat the one before are dropped; by default
+    they are if many do.
     """
 
     columns: tuple[Number, ...]
@@ -157,8 +162,8 @@ class Velocity(_Sensor, frozen=True):
 class Rates(_Sensor, frozen=True, rename={"source": "from"}):
     """Angular velocity about the body's axes x, y, z (a gyroscope's, not the rates of Euler angles).
 
-    With `from = "attitude"` and no columns, they are slopes of local parabolas through the attitude's samples
-    over `window` [s], by default the time of five samples.
+    With `from = "attitude"` and no columns, the rates are slopes of local parabolas through the attitude's
+    samples over `window` [s], by default the time of five samples.
     """
 
     columns: tuple[Number, ...] = ()
@@ -204,9 +209,10 @@ class Mixer(_Part, frozen=True):
     """Mixer of axis demands to thruster commands.
 
     `demands` names the axis of each command column, positive along or about the body's axes (SNAME: heave
-    down).  Without `preset` and `matrix` they are the commands of virtual thrusters, each with a `wrench` in
-    the vehicle file in this order.  `preset` is a frame of ArduSub; `matrix` has a row for each thruster and
-    a column for each demand.  `directions` reverses thrusters: 1 or -1, as ArduSub's MOT_n_DIRECTION.
+    down).  Without `preset` and `matrix`, each demand is the command of a virtual thruster: the vehicle file
+    has a thruster with a `wrench` for each of them, in this order.  `preset` is a frame of ArduSub; `matrix`
+    has a row for each thruster and a column for each demand.  `directions` reverses thrusters: 1 or -1, as
+    ArduSub's MOT_n_DIRECTION.
     """
 
     demands: tuple[Demand, ...]
@@ -216,7 +222,7 @@ class Mixer(_Part, frozen=True):
 
 
 class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
-    """Part to use [s] since the start of a `session`, or of every session without a part of its own."""
+    """Part of a session to use, `from` and `to` in seconds since its start; by default of every session."""
 
     session: str | None = None
     start: float = 0.0
@@ -227,7 +233,8 @@ class Table(_Part, frozen=True):
     """Table of a recording made of several files or topics, each with its own clock.
 
     `files` is a pattern of file names, in which `{session}` is the name of the session.  `time` is the column
-    of its clock, with `unit`.  With `name`, its columns are called NAME.COLUMN in the other tables.
+    of the table's clock, with its `unit`.  With `name`, other parts of the map call the table's columns
+    NAME.COLUMN.
     """
 
     files: str
@@ -284,7 +291,7 @@ def stretches(given: LogMap) -> tuple[Use, ...]:
 
 
 def beside(block: Sensor) -> tuple[str, ...]:
-    """Return the columns that a sensor block names in its `valid` conditions and in `per`."""
+    """Return the columns other than its values that a sensor block needs: those of `valid` and `per`."""
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
 

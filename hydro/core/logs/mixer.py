@@ -41,7 +41,7 @@ Heave is positive down here, as in SNAME; ArduSub's throttle is positive up.
 
 
 def matrix(mixer: Mixer) -> Array:
-    """Return the share of each demand in each thruster, (thrusters, demands).
+    """Return the matrix from demands to thruster commands, (thrusters, demands).
 
     Without a preset and a matrix, each demand drives one thruster.
     """
@@ -62,8 +62,8 @@ def thrusters(mixer: Mixer | None, commands: int) -> int:
 def mixed(mixer: Mixer, demands: Array) -> Array:
     """Return commands of n thrusters at N rows, (N, n); without a preset they may exceed [-1, 1].
 
-    If demands exceed full thrust of a motor, ArduSub clips it in its vectored frame.  In the vectored frame
-    of six degrees of freedom it scales all motors of its plane down equally.
+    If demands exceed a motor's full thrust, ArduSub clips its command in the vectored frame.  In the vectored
+    frame with six degrees of freedom, it scales down all motors of the same plane equally.
 
     Args:
         mixer: Mixer of the map.

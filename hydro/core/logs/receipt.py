@@ -1,8 +1,8 @@
 """Delay of thruster commands that a driver stamps when it receives them, unlike its sensor messages.
 
 A driver such as MAVROS reports both sensors and outputs of an autopilot.  It stamps a message with the
-autopilot's time if it knows that time, and else with the time of receipt.  All its messages travel over the
-same link.  So if only the outputs are stamped on receipt, they are late by the travel time of the others.
+autopilot's time if it knows that time, and otherwise with the time of receipt.  All messages travel over the
+same link.  So outputs that are stamped on receipt are late by the travel time of the sensor messages.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ DRIVERS = ("mavros",)
 
 
 def late_commands(columns: list[str], travel: Mapping[str, float]) -> float:
-    """Return by how much commands are stamped later than sensor messages of the same driver [s].
+    """Return the delay of the time stamps of commands relative to sensor messages of the same driver [s].
 
     Args:
         columns: Columns of the commands, `TOPIC.FIELD`.

@@ -129,7 +129,7 @@ def rows(shared: Array, dt: float) -> Array:
 
 
 def interpolated(each: Channel, at: Array) -> Array:
-    """Return linearly interpolated values, shape of `at`."""
+    """Return the values of a channel at times `at` [s], interpolated linearly, in the shape of `at`."""
     return np.interp(at, each.t, each.values)
 
 
@@ -171,12 +171,12 @@ def averaged(each: Channel, at: Array, dt: float) -> Array:
 
 
 def unwrapped(each: Channel, period: float) -> Channel:
-    """Return an angle without jumps by a whole turn of `period`."""
+    """Return an angle's channel without jumps by a whole turn; `period` is a turn in the angle's unit."""
     return Channel(each.t, np.unwrap(each.values, period=period))
 
 
 def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
-    """Return the channels of a quaternion where all four have a sample, without jumps from q to -q.
+    """Return the four channels of a quaternion at their common times, without jumps from q to -q.
 
     Both are the same rotation, but an interpolated value between them is not a rotation.
     """

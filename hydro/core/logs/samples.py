@@ -41,10 +41,11 @@ class Prepared:
 
     Attributes:
         logs: Sessions with prepared samples.
-        meaning: Map that reads these sessions: that of the log, with the columns of derived rates.
-        notes: Changes, a line each.
-        gated: Times of all readings of blocks that lost some to `valid` or as repeats [s], by the block's
-            name, for each session: dropped readings are not a silence of the log.
+        meaning: Map that reads these sessions: the log's map, with columns for rates that were derived from
+            the attitude.
+        notes: One line for each change.
+        gated: For each session, the times of all readings of a block [s], by block, if readings were dropped
+            as invalid or repeated.  A dropped reading is not a gap of the log.
     """
 
     logs: tuple[SessionLog, ...]
@@ -82,7 +83,7 @@ class _Work:
 
 
 def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
-    """Apply validity, divisors, repeats, stamps and mounts of the map.
+    """Return sessions to which the map's settings are applied: validity, divisors, repeats, stamps, mounts.
 
     Args:
         logs: The sessions, as logged.

@@ -23,7 +23,7 @@ def rest(source: Command, block: Commands) -> float:
 
 
 def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: Commands) -> Mask:
-    """Return which of n rows of a command column stop its thruster, (n,).
+    """Return a mask of the n rows in which a command column stops its thruster, (n,).
 
     A pulse of width 0 is a missing pulse, and an electronic speed controller without pulses stops.  NaN is a
     stop if it lasts longer than a gap of the column.  A shorter run of NaN is an empty cell of a table that
@@ -31,8 +31,8 @@ def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: C
 
     Args:
         t: Times of the rows [s], (n,), not falling.
-        values: The column as logged, (n,), NaN where it holds no number.
-        unset: Rows in which the log contains NaN, (n,); None if there are none.
+        values: The column as logged, (n,), NaN where a cell has no number.
+        unset: Mask of the rows in which the log contains NaN, (n,); None without NaN.
         source: Column of the map.
         block: Commands of the map.
     """

@@ -43,10 +43,11 @@ class Candidate:
     """Compiled vehicle, to be compared with a recording.
 
     Attributes:
-        program: Forces and thrusters.
+        program: Compiled forces and thrusters, in calm water.
         log: Errors of the DVL, and the reference point of the logged position, (16,), see
             `core.effects.sensor`.
-        seas: Generators of the waves in the vehicle file (`program.seas`); `program` itself is in calm water.
+        seas: Generators of wave harmonics, one for each wave effect of the vehicle file, see
+            `effects.program.seas`.
     """
 
     program: Program
@@ -101,9 +102,9 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 
 
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
-    """Return the mean of the lag states of n thrusters just before and after each of N rows, (N, n).
+    """Return lag states of n thrusters, averaged over just before and just after each of N rows, (N, n).
 
-    A rotor without lag jumps at a row.
+    The two differ for a thruster without lag, whose state jumps at a row.
     """
     before = rotor_states(model, record)
     if (model.thrusters[:, TIME_CONSTANT] > 0.0).all():
@@ -118,7 +119,7 @@ def rotor_states_around(model: Candidate, record: Recording) -> Array:
 
 
 def true_velocity(model: Candidate, record: Recording, logged: Array) -> Array:
-    """Return the velocity of CO over ground that a logged velocity implies, body axes, (N, 6) [m/s, rad/s].
+    """Return the velocity of CO over ground, corrected for DVL errors, body axes, (N, 6) [m/s, rad/s].
 
     Args:
         model: Vehicle, with the DVL errors to correct.

@@ -1,7 +1,8 @@
-"""Output error over short shots in which a known wrench acts on every predicted vehicle.
+"""Output error over shots (short predictions) in which a known wrench acts on every predicted vehicle.
 
-The wrench is that of six more thrusters, one per axis, without lag.  Their commands follow the vehicle's in
-the recording.  So the wrench acts along the predicted motion, however far a vehicle without it would go.
+Six more thrusters without lag, one per axis, produce the wrench.  Their commands are appended to the
+vehicle's commands in the recording.  So the wrench acts along the predicted motion, however far a vehicle
+without the wrench would go.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ AXES = 6
 
 @dataclass(frozen=True)
 class ForcedOutputError(OutputError):
-    """Output-error problem with a known wrench.
+    """Output-error problem in which a known wrench acts in addition to the vehicle's forces.
 
     Attributes:
-        rows: Thrusters that produce the wrench, (6, COLUMNS).
+        rows: Six rows of the thruster table, (6, COLUMNS), for the thrusters that produce the wrench.
     """
 
     rows: Array = field(default_factory=lambda: np.zeros((0, COLUMNS)))
@@ -61,7 +62,7 @@ class ForcedOutputError(OutputError):
 
 
 def displaced_by(measured: Array, one: Array, other: Array) -> Array:
-    """Return measurements moved by the difference of two predictions of the same shots, one minus other.
+    """Return measurements of shots plus the difference `one` minus `other` of two predictions.
 
     Measurements of a shot with a diverging prediction stay as they are.
 

@@ -7,8 +7,8 @@ variable projection, Golub and Pereyra 1973).  Forces, thrusters, currents and s
 prediction.  So every effect of the catalogue is judged in one unit: standard deviations of the measurement
 noise.
 
-An anchor, if there is one, makes the logged initial states samples instead of free values.  The lead of a
-shot is a number of rows at its start that are predicted but not compared.
+With an anchor, the logged initial state counts as a sample, so that the initial state is no longer free.  The
+lead of a shot is a number of rows at its start that are predicted but not compared.
 """
 
 from __future__ import annotations
@@ -77,14 +77,15 @@ class InitialStates(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Responses of S shots of K rows to their initial states and to P parameters.
+    """Responses of S shots of K rows to changes of their initial states and of P parameters.
 
     Attributes:
-        changes: The parameters.
+        changes: The parameters, as changes of the compiled vehicle.
         ahead: Change of the initial internal states per unit of each parameter, (S, states, P).
-        own: Initial internal states of the added effects, (S, all).
-        out: Output: deviations per unit of the initial state and of each parameter, (S, K, 12, 12 + P).
-        wanted: Whether they are computed.
+        own: Initial internal states of the effects that a change adds, (S, all).
+        out: Output, filled by `shoot`: deviations of the 12 channels per unit of the initial state and of
+            each parameter, (S, K, 12, 12 + P).
+        wanted: Whether `shoot` computes the responses.
     """
 
     changes: Changes
@@ -95,7 +96,7 @@ class Answers(NamedTuple):
 
     @classmethod
     def none(cls, memory: Array) -> Answers:
-        """Return no responses, with the types of others, so that numba compiles `shoot` only once.
+        """Return empty responses with the array types that `shoot` needs, so that numba compiles it once.
 
         Args:
             memory: Initial internal states, (S, states).
@@ -133,12 +134,12 @@ def places_of(shots: Shots, part: slice) -> Places:
 
 
 def most_steps(shots: Shots) -> int:
-    """Return the integration steps per row that fits near the noise need."""
+    """Return the integration steps per row that are accurate enough for residuals near the noise."""
     return steps_of_row(shots.record.dt, 1.0 / LONGEST_STEP)
 
 
 def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
-    """Return which of S shots a candidate predicts without divergence, (S,).
+    """Return a mask of the S shots whose prediction does not diverge, (S,).
 
     Args:
         prepared: The candidate, prepared for the shots.
@@ -151,12 +152,10 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """Return shots that start at the logged motion, corrected to CO for the DVL errors of a candidate.
-
-    Initial states that the shots had before are replaced.
+    """Return shots that start at the logged motion, corrected for the DVL errors of a candidate.
 
     Args:
-        shots: The shots.
+        shots: The shots; their previous initial states are replaced.
         model: The candidate.
     """
     return replace(shots, first=logged_first(shots, model))
@@ -179,10 +178,10 @@ def logged_first(shots: Shots, model: Candidate) -> Array:
 
 
 def initial_residuals(model: Candidate, shots: Shots) -> Array:
-    """Return the logged minus the present initial states of anchored shots, weighted, (S, 12).
+    """Return logged minus present initial states of anchored shots, times the weights of the anchor, (S, 12).
 
     Args:
-        model: The candidate, whose DVL errors are corrected in the logged states.
+        model: The candidate, for whose DVL errors the logged states are corrected.
         shots: S shots with an anchor: weights of the logged initial states.
     """
     assert shots.anchor is not None
@@ -193,7 +192,7 @@ def initial_residuals(model: Candidate, shots: Shots) -> Array:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Candidate with its initial rotor and internal states in each of S shots.
+    """Candidate with its initial rotor states and internal states in each of S shots.
 
     Attributes:
         model: The candidate.
@@ -288,7 +287,7 @@ def residuals(
         shots: The S shots.
         first: Initial states of all shots, (S, 13); by default those of `shots`.
         part: Slice of the s shots to predict.
-        calmed: Whether to whiten the residuals of shots in waves for the waves' covariance.
+        calmed: For shots in waves: whether to whiten the residuals, given the covariance due to the waves.
     """
     predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
@@ -301,7 +300,7 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Return the sum of squared residuals of each of S shots, with its anchor, (S,).
+    """Return the sum of squared residuals of each of S shots, those of anchored initial states included.
 
     Args:
         prepared: The candidate, prepared for the shots.
@@ -309,7 +308,7 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
         threads: Number of threads; by default, the number of cores.
 
     Returns:
-        Squares in units of the noise variance; infinite for a shot that diverges.
+        Sums in units of the noise variance, (S,); infinite for a shot that diverges.
     """
 
     def work(begin: int) -> Array:
@@ -333,7 +332,7 @@ def displaced(first: Array, shift: Array) -> Array:
     """Return states of a body after small displacements.
 
     Args:
-        first: Position, quaternion and nu of S states, (S, 13).
+        first: S states: position, quaternion and nu, (S, 13).
         shift: Displacement of position, small rotation about body axes, and nu, (S, 12) or (1, 12).
     """
     out, (a, b, c) = np.empty((len(first), BODY)), 0.5 * shift[:, 3:6].T
@@ -373,7 +372,7 @@ def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Ar
 
 @jit
 def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers) -> None:
-    """Predict shots; each responds to the commands of its own segment, also to those before its start.
+    """Predict shots; thrusters also respond to commands before a shot's start, in the same segment.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
@@ -381,7 +380,7 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         initial: Initial states of the shots.
         out: Output: predicted state of the body in K rows of each shot, (S, K, 13); NaN after a row that is
             not finite.
-        answers: Output: responses to changes, if wanted.
+        answers: Output: responses to changes of initial states and parameters, if `answers.wanted`.
     """
     motion, thrusters = afloat(flat, NO_HULL.copy()), at_rest(flat)  # copied: writable, as other hulls are
     for m in range(places.starts.size):

@@ -26,13 +26,15 @@ CORRELATION_TIMES = 10  # length of a block in correlation times of the scores
 class Normal:
     """Linearised, whitened least-squares problem with P parameters in S pieces of data.
 
+    X has the derivatives of the prediction by the parameters as columns, and e is the residual.
+
     Attributes:
-        gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction
-            diverges.
+        gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); its last diagonal entry is infinite where a
+            prediction diverges.
         freedom: Number of independent residuals per piece, one number or (S,).
         channels: Sum of squared residuals of each of C measured channels, (S, C).
-        follow: Response of the Q eliminated unknowns of a piece to each column and to the residual, (S, Q, P
-            + 1); Q may be 0.
+        follow: Response of the Q eliminated unknowns of a piece, such as its initial state, to each column of
+            X and to e, (S, Q, P + 1); Q may be 0.
         compared: Samples of each channel in each piece, (S, C); None if all have the same number.
     """
 
@@ -70,13 +72,17 @@ class Normal:
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:
-        """Return the squared residual of each piece after a step (P,), as linearity predicts, (S,)."""
+        """Return the squared residual that the linear problem predicts for each piece after a step, (S,).
+
+        Args:
+            step: Step of the parameters, (P,).
+        """
         across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
         left: Array = self.gram[:, -1, -1] - across
         return left
 
     def after(self, step: Array) -> Normal:
-        """Return the linearised problem about the parameters plus a step (P,), without new derivatives."""
+        """Return the problem about the parameters plus a step (P,), with the same derivatives."""
         gram = self.gram.copy()
         gram[:, -1, -1] = self.expected(step)
         gram[:, :-1, -1] -= self.matrix @ step
@@ -109,23 +115,22 @@ class Normal:
 
     @property
     def chi2(self) -> float:
-        """Reduced chi-square of the pieces that do not diverge: 1 for a true model and known noise."""
+        """Reduced chi-square of the pieces that do not diverge; 1 for a true model with known noise."""
         within = self.gram[~self.lost, -1, -1]
         return float(within.mean()) / float(self.freedoms[~self.lost].mean()) if within.size else 1.0
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
-    """Eliminate the unknowns z that belong to single pieces from problems e = Z z + X p.
+    """Eliminate the unknowns z of each piece of data from the least-squares problem e = Z z + X p.
 
     Args:
         gram: Gram matrix [Z, X, e]^T [Z, X, e] of each piece, (S, first + P + 1, first + P + 1).
         first: Number of unknowns z of each piece; the P parameters p are common to all pieces.
-        known: Prior information on z, (first,) or (S, first); unknowns that a piece does not determine stay
-            in place.
+        known: Prior information on z, the inverse of its prior variance, (first,) or (S, first).  With it,
+            unknowns that a piece does not determine do not move.
 
     Returns:
-        The reduced Gram matrices, (S, P + 1, P + 1), and the response of the unknowns to [X, e], (S, first, P
-        + 1).
+        The Gram matrices without z, (S, P + 1, P + 1), and the response of z to [X, e], (S, first, P + 1).
     """
     own, mixed = gram[:, :first, :first] + known[..., None] * np.eye(first), gram[:, :first, first:]
     size = np.sqrt(np.einsum("sii->si", own))
@@ -199,7 +204,7 @@ def block_length(scores: Array) -> int:
 
 
 def covariance(normal: Normal, prior: Array) -> Array:
-    """Return the covariance of the estimate at the minimum of the squared residual.
+    """Return the covariance of the parameters estimated by least squares, (P, P).
 
     Two variances are computed for each parameter, and the larger counts.  The first is that of white
     residuals of the observed size.  The second is the delete-one-block jackknife of the linearised problem
@@ -208,10 +213,10 @@ def covariance(normal: Normal, prior: Array) -> Array:
 
     Args:
         normal: The problem with P parameters at the estimate.
-        prior: Information added to the diagonal, (P,), positive.
+        prior: Information added to the diagonal, the inverse of the prior variances, (P,), positive.
 
     Returns:
-        (P, P), in the units of the problem's parameters.
+        Covariance, in the units of the problem's parameters.
     """
     information = normal.matrix.sum(axis=0)
     total = information + np.diag(prior)

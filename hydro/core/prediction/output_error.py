@@ -50,7 +50,8 @@ class OutputError:
 
     Attributes:
         shots: The shots.
-        near: A candidate prepared for the shots, whose rotor and internal states are reused where possible.
+        near: Similar candidate, already prepared for the shots; its rotor and internal states are reused
+            where possible.
     """
 
     shots: Shots
@@ -62,8 +63,8 @@ class OutputError:
 
         Args:
             shots: The shots.
-            vehicle: Vehicle whose DVL errors are corrected in the initial states, and whose waves are
-                whitened.
+            vehicle: Vehicle for whose DVL errors the initial states are corrected, and for whose waves
+                residuals are whitened.
         """
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
@@ -82,10 +83,11 @@ class OutputError:
         return replace(self, shots=self.shots.of(kept), near=None)
 
     def anchored(self) -> Self:
-        """Return the problem with the logged initial states as samples, with the noise of its channels.
+        """Return the problem with the logged initial states as additional samples, instead of free ones.
 
-        These samples keep their weight if the channels get other weights.  So the initial states of a fit far
-        from the noise cannot absorb errors of the model that are larger than the noise of the log.
+        Their weight follows from the noise of the channels, and stays the same if the channels are
+        reweighted.  So the initial states of a fit far from the noise cannot absorb errors of the model that
+        are larger than the noise of the log.
         """
         return replace(self, shots=self.shots.anchored())
 
@@ -100,7 +102,7 @@ class OutputError:
         return multiple_shooting.residuals(self.prepared(vehicle), self.shots)
 
     def coarsened(self, vehicle: Vehicle) -> Self:
-        """Return the problem with the fewest integration steps that are accurate for a vehicle's residual.
+        """Return the problem with the fewest integration steps that are accurate enough for a vehicle.
 
         Steps are short enough for residuals of the size of the noise.  Where residuals are far larger, longer
         steps change no decision and save most of the time.  In each channel, they change the predictions of
@@ -132,15 +134,18 @@ class OutputError:
         return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Self]:
-        """Return the cost from initial states moved by the linearised problem.
+        """Return the cost of a vehicle after a step, and the problem with initial states moved along.
 
-        The initial states move as the linearised problem predicts.  Shots with a cost far from the
-        expectation try shorter moves of their initial states, at last none.
+        Initial states move as the linearised problem predicts.  Where the cost of a shot is far from the
+        expected one, shorter moves of its initial state are tried, at last none.
 
         Args:
             vehicle: Vehicle after the step.
             step: Step of the P parameters, (P,).
             normal: Problem linearised before the step.
+
+        Returns:
+            Sum of squared residuals, in units of the noise variance; and the problem.
         """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         farthest = FARTHEST * self.shots.trust
@@ -160,7 +165,13 @@ class OutputError:
         return float(costs.sum()), replace(self, shots=replace(self.shots, first=first), near=prepared)
 
     def reweighted(self, normal: Normal) -> tuple[Self, bool]:
-        """Set the noise of each channel to its residual, so that unexplained channels count less."""
+        """Return the problem with the noise of each channel set to its residual, and whether that changed it.
+
+        Channels that no model explains then count less.
+
+        Args:
+            normal: Problem at the present estimate.
+        """
         sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
@@ -202,12 +213,12 @@ def in_waves(shots: Shots, model: Candidate) -> Shots:
 
 
 def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputError]:
-    """Return initial values of the components for an output-error fit, and the problem at these values.
+    """Return initial values for an output-error fit of free components, and the problem at these values.
 
-    The initial values are the results of an equation-error fit, or if the motion diverges with them, the
-    first of the components' own initial values with which it does not.  Where samples do not cover all of the
-    motion, equation error uses filled channels; then all of these candidates are tried, and that with the
-    smallest prediction error is taken.
+    The values of an equation-error fit are used.  If the motion diverges with them, the first of the
+    components' own initial values without divergence is used.  Where samples do not cover the whole motion,
+    the equation-error fit rests on channels that a model has filled in; then all these values are tried, and
+    those with the smallest prediction error are used.
 
     Args:
         unknown: P free components of a vehicle, with their own initial values.
@@ -215,7 +226,7 @@ def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputErro
         shots: Shots of the recording.
 
     Raises:
-        DataError: The motion diverges for all candidates.
+        DataError: The motion diverges with all initial values.
     """
     tried = []
     for begin in (values, *unknown.starts):

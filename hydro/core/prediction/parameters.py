@@ -1,8 +1,8 @@
-"""Free components of named effects as one vector, and back to a vehicle.
+"""Conversion of the free components of named effects to one vector, and back to a vehicle.
 
-A component, one number of a parameter, has a natural scale, the size of a significant value: from its record
-in the catalogue, or from dimensional analysis (`core.effects.units`).  The scale makes components comparable
-and is the reference of standard errors.
+A component is one number of a parameter.  Its scale is the size of a significant value, from the catalogue or
+from dimensional analysis (`core.effects.units`).  Scales make components comparable: steps of derivatives and
+standard errors are judged relative to them.
 """
 
 from __future__ import annotations
@@ -32,18 +32,19 @@ LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
 
 @dataclass(frozen=True)
 class Entry:
-    """Free component: one number of a parameter in a vehicle file.
+    """Free component: one number of a parameter that a fit may change.
 
     Attributes:
         effect: Name of the effect.
         parameter: Name of the parameter.
-        index: Index in the value of the parameter; () for a scalar.
+        index: Index of the number in the parameter's value; () for a scalar.
         unit: Unit of the number.
-        scale: Size of a significant value.
-        low: Least value.
-        high: Greatest value.
-        step: Step for derivatives.
-        resolution: Resolution of the search relative to the scale, if the component acts in steps; else 0.
+        scale: Size of a significant value, in `unit`.
+        low: Minimum value.
+        high: Maximum value.
+        step: Step for numerical derivatives, in `unit`.
+        resolution: Smallest useful step of a search, relative to `scale`, for a component that acts in whole
+            rows of the log; else 0.
     """
 
     effect: str
@@ -58,7 +59,7 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """Name as written: `linear_damping.diagonal[0]`."""
+        """Name such as `linear_damping.diagonal[0]`."""
         return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
 
 
@@ -69,8 +70,9 @@ class Free:
     Attributes:
         vehicle: The vehicle with every fitted effect; new effects have zero values.
         entries: The free components.
-        starts: Initial values, (P,) each; several if the problem may have several local minima.
-        known: Names of the effects that the vehicle already had.
+        starts: One or more vectors of initial values, (P,); several if the problem may have several local
+            minima.
+        known: Names of the effects that the vehicle file had before new effects were added.
     """
 
     vehicle: Vehicle
@@ -83,7 +85,7 @@ class Free:
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """Return the problem with some components fixed at given values and no longer free.
+        """Return the free components that remain when some are fixed at given values.
 
         Args:
             values: Value of each free component, (P,): those to fix, and initial values of those that stay
@@ -116,8 +118,8 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         vehicle: The vehicle.
         effects: Effects to fit: names in the catalogue, with `.parameter` behind the name where there is a
             choice (`linear_damping.matrix`), or `[[effect]]` tables with initial values.
-        reach: Positions and times of the N rows of the recording, (N, 4) [m, s], candidates for the place of
-            an anchor.
+        reach: Positions [m] and times [s] in the N rows of the recording, (N, 4), from which initial values
+            of places follow, such as a tether's anchor.
 
     Raises:
         DataError: A name is unknown, given twice, or that of a random effect.

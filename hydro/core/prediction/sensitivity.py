@@ -38,7 +38,7 @@ FARTHEST = 1e3
 
 @dataclass(frozen=True)
 class Moved:
-    """Candidate, and its copies with one changed parameter each.
+    """Candidate, and copies of it in which one parameter each is changed.
 
     Attributes:
         base: The candidate.
@@ -53,14 +53,14 @@ class Moved:
 
 @dataclass(frozen=True)
 class Varied:
-    """Parameters that the variational equation differentiates, since they act on forces.
+    """The Q parameters that the variational equation can differentiate, because they act on forces.
 
     Attributes:
-        of: Indices of these Q parameters among all, (Q,).
-        changes: Their changes of the program.
+        of: Index of each of the Q parameters among all parameters of the problem, (Q,).
+        changes: Changes of the compiled vehicle, one for each parameter.
         ahead: Change of the initial internal states of each of S shots per unit of each parameter, (S,
             states, Q).
-        own: Initial internal states of added effects in every shot, (S, all).
+        own: Initial internal states, in every shot, of effects that a change adds, (S, all).
     """
 
     of: Rows
@@ -158,10 +158,10 @@ def _initial_columns(near: Moved, shots: Shots) -> Array:
 
 
 def beginnings(base: Prepared, shots: Shots) -> Array:
-    """Return how well the samples of a shot determine its initial state: standard deviations, (12,).
+    """Return the standard deviations with which the samples of a shot determine its initial state, (12,).
 
-    Position [m], small rotation [rad], velocity [m/s] and rates [rad/s]; medians over the shots, at most
-    FARTHEST.
+    They are of position [m], small rotation [rad], velocity [m/s] and rates [rad/s]: medians over the shots,
+    at most FARTHEST.
 
     Args:
         base: The candidate, prepared for the shots.

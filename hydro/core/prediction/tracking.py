@@ -6,9 +6,10 @@ processes each segment in windows of half a second; each window is predicted by 
 samples.  A Rauch-Tung-Striebel smoother runs backwards (Sarkka 2013, ch. 5 and 9).  If no sample shows the
 heading, several initial headings are tried.
 
-The model error is unknown in advance: within a window, where it adds to the noise of the samples, and between
-windows.  Both are multiples of the smallest error assumed for any model, selected by maximum likelihood.  So
-a wrong model gets a small weight, and the channels that it fills have a large uncertainty.
+The size of the model error is unknown in advance.  Within a window it adds to the noise of the samples; from
+window to window it adds to the predicted state.  Both sizes are multiples of the smallest error assumed for
+any model, and are selected by maximum likelihood.  So a wrong model gets a small weight, and the channels
+that it fills have a large uncertainty.
 
 The result fills the channels that a segment never measured.  No likelihood includes these channels.
 """

@@ -36,7 +36,7 @@ AXES = (
 
 
 def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
-    """Return one line for each missing sensor: which components are not observable, and how well others are.
+    """Return one line of text for each missing sensor: what is not observable, and how exact the rest is.
 
     A last line names thrusters that the sensors show on one axis only.
 

@@ -1,4 +1,4 @@
-"""Equation error over windows: the equation of motion integrated with a smooth test function phi.
+"""Equation-error problem over windows: the equation of motion integrated with a smooth test function phi.
 
     int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3.
 
@@ -56,11 +56,12 @@ class Windows:
         starts: Index in `rows` of the first row of each window, (W,).
         test: phi at the rows of a window, times dt, (L,).
         slope: phi' at these rows, (L,).
-        sigma: Standard deviation of the white noise of velocity and position, row by row, (9,).
+        sigma: Standard deviation of the white noise of a single row: velocity and rates, position, (9,).
         whitener: Matrix V with V^T V the inverse covariance of a window's residuals, (9, 9).
         freedom: Number of independent equations per window, one number or (W,).
-        share: Share of all possible windows of the recording.
-        known: Weight of each equation by its share of samples, (W, 9); None if all values are samples.
+        share: Windows used, as a share of all windows that the recording has.
+        known: Weight of each equation, by the share of rows with samples, (W, 9); None if all rows have
+            samples.
     """
 
     record: Recording
@@ -93,7 +94,7 @@ class Windows:
             sigma: Noise of the twelve channels; by default estimated from the recording.
             most: Maximum number of windows, spread evenly over a long recording; by default all.
             seconds: Length of a window [s]; at least nine rows.
-            run: Number of consecutive windows that are kept or dropped together.
+            run: Number of consecutive windows that are kept or dropped together if `most` limits the number.
 
         Raises:
             DataError: No segment is as long as a window.
@@ -162,7 +163,7 @@ class Windows:
 
     @property
     def consecutive(self) -> Mask:
-        """Which windows overlap the window before them by half, (W,)."""
+        """Mask of the windows that overlap half of the window before, (W,)."""
         first, step = self.rows[self.starts], self.test.size // 2
         return np.asarray(np.diff(first, prepend=-1 - step) == step)
 
@@ -214,14 +215,15 @@ class Windows:
 
     @property
     def shown(self) -> Mask:
-        """Which of the six equations of motion have samples in at least one window, (6,)."""
+        """Mask of the equations of motion with samples in at least one window, (6,)."""
         known = np.ones((1, EQUATIONS)) if self.known is None else self.known
         return np.asarray((known[:, :6] > 0.0).any(axis=0))
 
     def counted(self, whitened: Array) -> Array:
-        """Return whitened residuals or responses (..., W, k), weighted by each equation's share of samples.
+        """Return whitened residuals or responses times the weight `known` of each equation.
 
-        k is at most 9.
+        Args:
+            whitened: Values of the first k of the nine equations in W windows, (..., W, k).
         """
         return whitened if self.known is None else whitened * self.known[:, : whitened.shape[-1]]
 

@@ -51,14 +51,15 @@ class Recording:
         t: Times as logged [s], (N,); they ascend within a segment only.
         eta: Pose x y z phi theta psi, NED, (N, 6); angles as logged, they may jump by a turn.
         nu: Velocity as the log gives it, body frame, (N, 6).
-        commands: (N, n), effective ones (`recording.supply`); row k is held on [t_k, t_k+1).
+        commands: Effective commands (`recording.supply`) of n thrusters, (N, n); row k is held on [t_k,
+            t_k+1).
         segments: Uninterrupted runs of rows [start, stop), (S, 2).
-        after_gap: Which segments continue a session after a gap, (S,).
+        after_gap: Mask of the segments that continue a session after a gap, (S,).
         session: Number of each segment's session, (S,).
         dt: Sample time [s].
-        seen: Which values of pose and velocity are samples, (N, 12); None where all are.
-        sigma: Noise of channels that hold pseudo-observations (`recording.heavy_tails`), (12,), NaN of
-            others; None if there are none.
+        seen: Mask of the values of pose and velocity that are samples, (N, 12); None if all values are.
+        sigma: Standard deviation of the noise of channels with pseudo-observations (`recording.heavy_tails`),
+            (12,), NaN for other channels; None without such channels.
         doubt: Standard deviation of values that a model filled into channels without samples, (12,).
     """
 
@@ -86,7 +87,7 @@ class Recording:
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
 
     def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
-        """Return whether at least one alternative group of channels has samples in all its channels."""
+        """Return whether any of several groups of channels has samples in all of the group's channels."""
         return any(self.sampled.issuperset(channels) for channels in alternatives)
 
     @property
@@ -166,11 +167,11 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
 def noise(record: Recording) -> Array:
     """Estimate the standard deviation of the white noise of each channel, pose then velocity, shape (12,).
 
-    It uses fourth differences, in which motion nearly cancels and white noise of variance s^2 has 70 s^2.
-    Their median size is robust to a few jumps.  A channel interpolated between the samples of a slower sensor
-    is judged at the spacing of these samples.  The minimum is 1e-4 (m, rad, m/s, rad/s), for simulated logs
-    without noise.  A channel with nulls is judged by its samples; one with fewer than five in every segment
-    gets UNSEEN.
+    The estimate uses fourth differences.  In them motion nearly cancels, and white noise of variance s^2 has
+    the variance 70 s^2.  Their median size is robust to a few jumps.  A channel interpolated between the
+    samples of a slower sensor is judged at the spacing of these samples.  The minimum is 1e-4 (m, rad, m/s,
+    rad/s), for simulated logs without noise.  A channel with nulls is judged by its samples; one with fewer
+    than five in every segment gets UNSEEN.
 
     Raises:
         DataError: No segment has five rows.
@@ -188,7 +189,7 @@ def noise(record: Recording) -> Array:
 
 
 def drawn(record: Recording, of: slice = slice(None)) -> bool:
-    """Return whether a channel in the slice `of` was interpolated or filled between samples of a sensor.
+    """Return whether any channel in a slice holds values that were interpolated between a sensor's samples.
 
     The noise of an interpolated channel is not white from row to row, even if its size is known.
     """

@@ -1,4 +1,4 @@
-"""Difference of the pose and the dead reckoning of the velocities: an error of the log, whatever forces act.
+"""Difference of the logged pose and the integral of the logged velocities: an error of the log, not a force.
 
 A constant difference of the turn is a gyro's bias.  Linear velocities have more kinds of errors, see
 `diagnosis.sensor_tests`.
@@ -22,9 +22,14 @@ PLAIN_BIAS = 1e-3  # rad/s, minimum size of a reported bias
 
 
 def pose_error(record: Recording, nu: Array) -> tuple[Array, Array]:
-    """Return the pose minus dead reckoning of velocities nu: position [m] and attitude [rad], (N, 3) each.
+    """Return the logged pose minus a dead reckoning from velocities, (N, 3) each [m], [rad].
 
-    Velocities are integrated by trapezoids; differences across two segments have no meaning.
+    Args:
+        record: The recording, with N rows.
+        nu: Velocities, (N, 6), integrated by trapezoids.
+
+    Returns:
+        Error of position and of attitude.  Differences between rows of two segments have no meaning.
     """
     R = rotation(*record.eta[:, 3:].T)
     along = np.einsum("kij,kj->ki", R, nu[:, :3])

@@ -31,10 +31,10 @@ EXPLAINED = 1.25
 
 
 def require_rows(rows: float) -> None:
-    """Refuse more rows than the maximum of a table.
+    """Refuse a recording with more rows than a table may have.
 
     Raises:
-        DataError: There are more rows; the message gives their size.
+        DataError: There are too many rows; the message gives their number.
     """
     if rows > MOST_ROWS:
         raise DataError(
@@ -81,11 +81,11 @@ class Expected(NamedTuple):
 
     @property
     def middle(self) -> float:
-        """Geometric mean of both [s]."""
+        """Geometric mean of the shortest and the longest duration [s]."""
         return math.sqrt(self.shortest * self.longest)
 
     def times(self, factor: float) -> Expected:
-        """Return the range of work that takes `factor` times as long."""
+        """Return the range for work that takes `factor` times as long."""
         return Expected(factor * self.shortest, factor * self.longest)
 
     def __str__(self) -> str:

@@ -5,8 +5,9 @@ coefficient (U. Forssell and L. Ljung, Closed-loop identification revisited, Aut
 A measurement of a row precedes the effect of that row's command.  So, given the past of both, a planned
 command holds no information on the motion of its own row, but a controller's command follows from it
 (instantaneous causality: C. W. J. Granger, Econometrica 37, 424-438, 1969).  The demanded wrench is predicted
-axis by axis, from the past alone, and from the past with the row's pose and velocity.  Each law is fitted to
-other parts of the log.  Jumps of set points are outliers with a small weight (Huber 1964).
+axis by axis, from the past alone, and from the past with the row's pose and velocity.  Each prediction is
+fitted to one part of the log and judged on the others.  Jumps of set points are outliers with a small weight
+(Huber 1964).
 
 A weak hold of depth or attitude in addition to an excitation is feedback too, but causes little bias.  So a
 significant prediction is not sufficient: the gains on pose and velocity, applied to the motion, must also

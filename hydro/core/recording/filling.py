@@ -39,9 +39,9 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
 
 
 def unshown(seen: Mask) -> Mask:
-    """Return which of the 12 channels of pose and velocity cannot be known in a segment, (12,).
+    """Return a mask of the 12 channels of pose and velocity that are unknown in a segment, (12,).
 
-    These channels have no samples there, and are no velocities that follow from a sampled pose.
+    A channel is unknown if it has no samples, and is no velocity that follows from a sampled pose.
 
     Args:
         seen: Whether each row has a sample of each channel, (N, 12).
@@ -82,7 +82,7 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
 
 
 def slope_noise(dt: float) -> float:
-    """Return the standard deviation of the slope of a pose with white noise of 1 [1/s]."""
+    """Return the noise of a velocity computed as the slope of a pose, per unit noise of the pose [1/s]."""
     return float(np.linalg.norm(savitzky_golay_weights(max(_width(dt), 5), 3, deriv=1, dt=dt)))
 
 
@@ -107,7 +107,7 @@ def _rates(quaternion: Array, turning: Array) -> Array:
 
 
 def steady(quaternion: Array) -> Array:
-    """Return the same rotations (N, 4) without jumps of the quaternion's sign between rows."""
+    """Return quaternions of the same rotations, (N, 4), whose sign does not jump from row to row."""
     turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
     out = quaternion.copy()
     out[1:][np.cumsum(turned) % 2 == 1] *= -1.0

@@ -33,7 +33,7 @@ ALIKE = 0.05
 
 
 def filter_corrections(record: Recording) -> dict[str, Mask]:
-    """Return the rows right after a filter's corrections, for each position and angle with such steps, (N,).
+    """Return masks (N,) of the rows right after a filter's corrections, for each channel with such steps.
 
     Args:
         record: The recording.  Channels with unsampled rows are skipped, and so are all channels of a log too
@@ -55,7 +55,12 @@ def filter_corrections(record: Recording) -> dict[str, Mask]:
 
 
 def without_predictions(raw: pl.DataFrame, corrected: dict[str, Mask]) -> pl.DataFrame:
-    """Return the table without a filter's predictions between its corrections."""
+    """Return the table with nulls in place of a filter's predictions between its corrections.
+
+    Args:
+        raw: Raw table of N rows.
+        corrected: Mask of the rows to keep, (N,), by column, from `filter_corrections`.
+    """
     return raw.with_columns(
         pl.when(pl.Series(after)).then(pl.col(name)).alias(name) for name, after in corrected.items()
     )

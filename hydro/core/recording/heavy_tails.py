@@ -84,7 +84,7 @@ class Tail:
     """Noise of one channel as Student's t.
 
     Attributes:
-        channel: Its name.
+        channel: Name of the channel.
         freedom: Degrees of freedom nu.
         scale: Scale s of the distribution, in the channel's unit.
         width: Number of samples, odd, of the local cubic polynomial that represents the channel's motion.
@@ -107,7 +107,7 @@ class Tail:
         return slope
 
     def plausible(self, error: Array, count: int) -> Mask:
-        """Return which errors are plausible as the largest of `count` samples."""
+        """Return a mask of the errors that are plausible as the largest of `count` samples."""
         beyond = count * 2.0 * scipy.special.stdtr(self.freedom, -np.abs(error) / self.scale)
         return np.asarray(beyond >= PLAUSIBLE)
 
@@ -140,12 +140,12 @@ def heavy_tails(record: Recording) -> dict[int, Tail]:
 def pseudo_observed(
     raw: pl.DataFrame, record: Recording, tails: Mapping[int, Tail]
 ) -> tuple[pl.DataFrame, Array]:
-    """Replace channels with heavy tails by pseudo-observations; other channels stay bit for bit.
+    """Replace the samples of channels with heavy tails by pseudo-observations; other channels stay unchanged.
 
     Args:
         raw: Raw table.
         record: The table as arrays.
-        tails: Of `heavy_tails`.
+        tails: Noise of the channels with heavy tails, from `heavy_tails`.
 
     Returns:
         The table, and the standard deviations of the pseudo-observations, (12,), NaN for other channels.
@@ -163,11 +163,11 @@ def pseudo_observed(
 
 
 def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array], float]:
-    """Return y* about the local cubic through y*, and their standard deviation; see the module.
+    """Return the pseudo-observations y* of samples, and their standard deviation; the module defines y*.
 
     Args:
-        parts: Evenly spaced samples, segment by segment; segments shorter than the cubic stay unchanged.
-        tail: Their noise.
+        parts: Evenly spaced samples, segment by segment; segments shorter than `tail.width` stay unchanged.
+        tail: Noise of the samples.
     """
     width = tail.width
     pseudo = [part.copy() for part in parts]

@@ -34,13 +34,15 @@ def is_sparse(spacing: float) -> bool:
 
 
 def jumping(series: Sequence[Array], bursts: Sequence[int], spacing: float = 0.0) -> list[Mask]:
-    """Find the samples of each series that jump, in repeated passes without those already found.
+    """Return a mask of the samples that jump, for each series.
+
+    Passes are repeated without the samples already found.
 
     Args:
-        series: Samples, evenly spaced.
-        bursts: Numbers of samples that may jump together.
+        series: Series of samples, evenly spaced.
+        bursts: Numbers of consecutive samples that may jump together.
         spacing: Time from sample to sample [s].  Between sparse samples a jump must exceed every other
-            change, since the motion may change as fast there.
+            change, since the motion may change as fast.
     """
     values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
     for stride in bursts:

@@ -58,11 +58,14 @@ class Model(NamedTuple):
 
 
 def velocity_rows(log: Array, late: float) -> tuple[Array, Array]:
-    """Return rows (6, 30) and offset (6,) of a DVL: u_m = G [v(t - d) + omega(t - d) x r] + b.
+    """Return the measurement model of a DVL, linear in the error state: matrix (6, 30) and offset (6,).
+
+    A DVL measures u_m = G [v(t - d) + omega(t - d) x r] + b, with the velocity v and rates omega of the
+    vehicle, matrix G of scale and rotation, delay d, place r and bias b.
 
     Args:
-        log: The errors of the vehicle's DVL, (13,); see `effects.sensor`.
-        late: Remainder of its delay d after samples are moved by whole rows [s].
+        log: Errors of the vehicle's DVL, (13,); see `effects.sensor`.
+        late: Part of the delay d that remains after samples are moved by whole rows [s].
     """
     turned = (1.0 + log[sensor.SCALE])[:, None] * rotation(*log[sensor.ANGLES]).T
     x, y, z = log[sensor.LEVER]
@@ -109,10 +112,12 @@ def corrected(state: Array, error: Array, out: Array) -> None:
 
 @jit
 def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
-    """Advance by one row: write the state to `out` (31,), the transition to `phi` (30, 30), and `R` halfway.
+    """Advance the state by one row, and compute the transition matrix of the error.
 
-    The position uses Simpson's rule, the attitude the mean rate.  `phi` must contain the identity in all
-    places that are not written here.
+    The position is integrated by Simpson's rule, the attitude by the mean rate. Args: state: Nominal state,
+    (31,). dt: Sample time [s]. out: Output: state one row later, (31,). phi: Output: transition matrix, (30,
+    30).  It must hold the identity before; not all entries are written. R: Output: rotation from body to
+    world halfway between the rows.
     """
     R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
     S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -181,7 +186,13 @@ def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: N
 
 @jit
 def integrated(dt: float, first: int, second: int) -> float:
-    """Return the covariance over `dt` of unit white noise integrated `first` and `second` times."""
+    """Return the covariance of two integrals of the same unit white noise over `dt` [s].
+
+    Args:
+        dt: Time [s].
+        first: Number of integrations of the first.
+        second: Number of integrations of the second.
+    """
     size = dt ** (first + second + 1) / (first + second + 1)
     for n in range(2, first + 1):
         size /= n
@@ -192,7 +203,14 @@ def integrated(dt: float, first: int, second: int) -> float:
 
 @jit
 def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
-    """Add the white noise of `density` (6, 2) over one row to the covariance (30, 30)."""
+    """Add the covariance that white noise causes from one row to the next.
+
+    Args:
+        P: Covariance of the error, (30, 30), added to.
+        density: Spectral densities of the noise, (6, 2), see `Model`.
+        R: Rotation from body to world halfway between the rows.
+        dt: Sample time [s].
+    """
     entry, share, times = np.empty(6, np.int64), np.empty(6), np.empty(6, np.int64)
     for axis in range(6):
         for a in range(driven(axis, R, entry, share, times)):
@@ -229,10 +247,17 @@ def angles(q: Array, out: Array) -> None:
 
 @jit
 def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> None:
-    """Write residuals `e` (12,) and rows `H` (12, 30) of the measured angles.
+    """Write the residuals of the measured angles in one row, and their derivatives.
 
-    Three angles are one rotation, compared about body axes without singularity.  Fewer angles are compared
-    one by one.
+    Three angles are compared as one rotation, about body axes, without singularity.  Fewer angles are
+    compared one by one.
+
+    Args:
+        state: State of the smoother, (31,).
+        z: Samples of pose and velocity, (12,).
+        seen: Mask of the existing samples, (12,).
+        e: Output: residuals, (12,); only those of angles are written.
+        H: Output: derivatives by the error, (12, 30).
     """
     q, found, twist = state[QUATERNION : QUATERNION + 4], np.empty(3), np.empty(3)
     if seen[3] and seen[4] and seen[5]:
@@ -270,7 +295,7 @@ def sensor_rows(state: Array, z: Array, seen: Mask, model: Model, e: Array, H: A
     Args:
         state: State of the smoother.
         z: Samples of pose and velocity (12,).
-        seen: Which of them exist (12,).
+        seen: Mask of the existing samples (12,).
         model: Motion model.
         e: Output: residuals (12,), 0 without a sample.
         H: Output: derivatives (12, 30), 0 without a sample.

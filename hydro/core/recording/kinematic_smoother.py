@@ -3,7 +3,8 @@
 An error-state extended Kalman filter runs forward over each segment of a recording, and a fixed-interval
 smoother runs back.  The smoother gives the Rauch-Tung-Striebel estimates in the form of Bryson and Frazier
 (Bierman 1973, Automatica 9).  That form inverts no covariance, so it tolerates undetermined states.  Each
-sample is one scalar measurement; a null is none.  Motion and sensors are those of `kinematic_model`.
+sample is one scalar measurement; a null is no measurement.  Motion and sensors are those of
+`kinematic_model`.
 
 The spectral densities of the white noise maximise the likelihood.  The score is half the sum over the rows of
 lambda' Q_i lambda - tr(Lambda Q_i), with the smoother's adjoint (lambda, Lambda) (Koopman and Shephard 1992,

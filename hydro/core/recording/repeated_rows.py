@@ -1,4 +1,4 @@
-"""Detection of rows that repeat the last one in every channel because the logger received nothing new.
+"""Detection of rows that repeat the row before in every channel because the logger received nothing new.
 
 A sensor slower than the log repeats too, but at a fixed rate, so the number of repeats in a stretch hardly
 varies.  The number of rows lost at random varies as expected for random events.
@@ -23,7 +23,7 @@ ALIVE = 0.9
 
 
 def repeated_rows(record: Recording) -> Mask:
-    """Return the rows that repeat the last one because nothing new was received, (N,)."""
+    """Return a mask of the rows that repeat the row before because nothing new was received, (N,)."""
     motion, none = np.hstack([record.eta, record.nu]), np.zeros(record.rows, bool)
     same, repeated = (np.diff(motion, axis=0) == 0.0).all(axis=1), none.copy()
     for start, stop in record.segments:
@@ -46,7 +46,7 @@ def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.
     Args:
         raw: Raw table.
         record: The table as arrays.
-        repeated: Rows that repeat the last one, (N,).
+        repeated: Mask of the rows that repeat the row before, (N,).
     """
     columns = [pl.when(pl.Series(~repeated)).then(pl.col(name)).alias(name) for name in (*POSE, *VELOCITY)]
     names = [name for name in raw.columns if name.startswith(COMMAND)]

@@ -78,7 +78,7 @@ def common_sample_time(clocks: Mapping[str, Clock]) -> float:
     """Return the sample time [s] of separate sessions: the median of theirs.
 
     Raises:
-        DataError: The sample time of a session differs from it by more than 1 %.
+        DataError: The sample time of a session differs from the median by more than 1 %.
     """
     each = np.array([clock.dt for clock in clocks.values()])
     dt = float(np.sort(each)[len(each) // 2])
@@ -117,7 +117,7 @@ def segments(frame: pl.DataFrame) -> Rows:
 
 
 def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
-    """Return which segments continue a session after a gap, shape (S,); the others start a session."""
+    """Return a mask of the segments that continue a session after a gap, (S,); other segments start one."""
     names = frame["session"]
     first, before = bounds[:, 0], np.maximum(bounds[:, 0] - 1, 0)
     same = (names.gather(first) == names.gather(before)).to_numpy()
@@ -132,7 +132,7 @@ def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
         columns: Columns that must have a sample in every row.
 
     Raises:
-        DataError: One of these columns has nulls.
+        DataError: One of the columns has nulls.
     """
     rare = [name for name in columns if name in raw.columns and raw[name].null_count()]
     if rare:

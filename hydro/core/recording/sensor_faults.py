@@ -1,4 +1,4 @@
-"""Detection and correction of impossible readings: jumps for a sample, frozen values, and fill values.
+"""Detection and correction of impossible readings: jumps, frozen values, and values for "no reading".
 
 No force moves a vehicle for one sample and back, and a noisy sensor never repeats a reading, even less for a
 second.  Such readings are detected from the log alone, channel by channel.  They are reported and excluded
@@ -49,7 +49,7 @@ class Fault:
 
     Attributes:
         columns: Columns of the raw table with the fault.
-        message: Fault, frequency, first place, and correction.
+        message: Sentence that names the fault, its frequency, its first place and the correction.
     """
 
     columns: tuple[str, ...]
@@ -79,8 +79,9 @@ class Faults:
 
     Attributes:
         jumps: Readings that jump away for some samples and back, (N, 12), pose then velocity.
-        marks: Fill values, which recur as 0 does for `no reading`, (N, 12).
-        stills: Frozen values although the sensor has noise, or the pose contradicts them, (N, 12).
+        marks: Values that stand for a missing reading and recur, such as 0, (N, 12).
+        stills: Frozen values: they repeat although the sensor has noise, or although the pose changes, (N,
+            12).
     """
 
     jumps: Mask
@@ -89,7 +90,7 @@ class Faults:
 
     @property
     def all(self) -> Mask:
-        """Every faulty reading, (N, 12)."""
+        """Mask of every faulty reading, (N, 12)."""
         return self.jumps | self.marks | self.stills
 
 
@@ -172,7 +173,7 @@ def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """Subtract the constant bias of gyros."""
+    """Return the recording with the constant bias of gyros subtracted, and the bias among the faults."""
     rates = rate_bias(log.record)
     bias = {name: float(value) for name, value in zip(RATES, rates, strict=True) if value}
     if not bias:
@@ -182,7 +183,7 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """Return the recording with pseudo-observations of channels with heavy tails; the table is kept."""
+    """Return the recording with pseudo-observations of channels with heavy tails; the raw table stays."""
     tails = heavy_tails(log.record)
     if not tails:
         return log
@@ -192,14 +193,14 @@ def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
-    """Return the table with short faulty readings interpolated, and rows with long ones dropped.
+    """Return the table with short runs of faulty readings interpolated, and rows with long runs dropped.
 
-    In a table with nulls, faulty readings become null.
+    In a table with nulls, faulty readings become null instead.
 
     Args:
-        raw: Raw table.
+        raw: Raw table of N rows.
         record: The table as arrays.
-        found: Its faults.
+        found: Masks of the faulty readings.
     """
     bad, most = found.all, max(int(BRIDGED / record.dt), 1)
     if not bad.any():

@@ -29,27 +29,27 @@ LEAST_SWELL = 1e-12  # negligible variance of waves in a shot, in units of the n
 
 @dataclass(frozen=True)
 class Shots:
-    """Short stretches of a recording, each predicted from its own initial state.
+    """S short stretches of a recording, each predicted from its own initial state.
 
     Attributes:
-        record: The recording.
-        starts: First row of each, (S,).
-        segment: Segment of the recording that each lies in, (S,).
-        length: Rows of each.
-        lead: Rows at the start that are predicted but not compared, for the delay of a late sensor.
-        first: State at the beginning of each, (S, 13): position, quaternion, nu.
-        measured: What was logged, (S, length, 13).
+        record: The recording, with N rows.
+        starts: First row of each shot, (S,).
+        segment: Segment of the recording that holds each shot, (S,).
+        length: Number of rows of a shot.
+        lead: Rows at the start of a shot that are predicted but not compared, for the delay of a late sensor.
+        first: Initial state of each shot: position, quaternion, nu, (S, 13).
+        measured: Logged position, quaternion and nu, (S, length, 13).
         sigma: Standard deviation of the noise of position, attitude (small rotations about the body's axes),
             velocity and rates, (12,).
-        eta: Smoothed pose and
-        nu: velocity of the whole recording, (N, 6) each.
-        share: Share of all possible shots of the recording.
-        seen: Which of the measured values are samples, (S, length, 12); None where all are.
-        swell: Effect of one standard deviation of each harmonic of a sea on the compared channels, (S, length
-            - lead, 12, Q); None for a calm sea (`output_error.in_waves`).
+        eta: Smoothed pose of the whole recording, (N, 6).
+        nu: Smoothed velocity of the whole recording, (N, 6).
+        share: Shots used, as a share of all shots that the recording has.
+        seen: Mask of the measured values that are samples, (S, length, 12); None if all are.
+        swell: Change of the compared channels by one standard deviation of each of Q harmonics of a sea, (S,
+            length - lead, 12, Q); None for a calm sea (`output_error.in_waves`).
         anchor: Weight of the logged initial states in the cost, one over their standard deviation, (S, 12);
-            None where initial states are free.
-        steps: Integration steps per row of a prediction; None for the steps that fits near the noise need.
+            None if initial states are free.
+        steps: Integration steps per row of a prediction; None for as many as fits near the noise need.
     """
 
     record: Recording
@@ -70,7 +70,7 @@ class Shots:
 
     @property
     def session(self) -> Rows:
-        """Session of the recording that each shot lies in, (S,)."""
+        """Number of the session that holds each shot, (S,)."""
         found: Rows = self.record.session[self.segment]
         return found
 
@@ -86,7 +86,7 @@ class Shots:
 
     @property
     def trust(self) -> Array:
-        """Prior standard deviation of the initial state, (12,) or (S, 12); larger without samples."""
+        """Prior standard deviation of the initial state, (12,) or (S, 12); larger where samples lack."""
         if self.seen is None:
             return TRUST
         return np.asarray(TRUST * np.where(self.seen.any(axis=1), 1.0, UNSEEN_TRUST))
@@ -100,7 +100,10 @@ class Shots:
 
     @cached_property
     def hidden(self) -> Array | None:
-        """Factor B with 1 - B B^T = (1 + X X^T)^(-1/2), X the `swell` per noise, (S, residuals, Q)."""
+        """Matrix B of each shot that whitens its residuals in waves, (S, residuals, Q).
+
+        It satisfies 1 - B B^T = (1 + X X^T)^(-1/2), with X the `swell` in standard deviations of the noise.
+        """
         if self.swell is None:
             return None
         x = self.swell / self.sigma[:, None]
@@ -113,7 +116,12 @@ class Shots:
         return kept
 
     def calmed(self, columns: Array, part: slice) -> Array:
-        """Return C columns of the s shots `part`, (s, residuals, C), whitened for the covariance of waves."""
+        """Return columns of a least-squares problem, whitened for the covariance that waves cause.
+
+        Args:
+            columns: C columns for the s shots in `part`, (s, residuals, C).
+            part: Slice of the shots.
+        """
         if self.hidden is None:
             return columns
         basis = self.hidden[part]
@@ -151,9 +159,9 @@ def make_shots(
     sigma: Array | None = None,
     most: int | None = None,
 ) -> Shots:
-    """Make contiguous shots of a recording, or some of them, evenly spread.
+    """Cut a recording into contiguous shots; of a long recording, keep some, evenly spread.
 
-    After a gap they start half a second later if possible, since the thrust before is unknown.
+    After a gap, shots start half a second later if possible, since the thrust before is unknown.
 
     Args:
         record: The recording.
@@ -193,10 +201,10 @@ def make_shots(
 def smoothing_error(record: Recording, eta: Array, nu: Array) -> Array:
     """Return the root mean square distance of the samples from the smoothed motion, (12,).
 
-    It is an upper estimate of the error of a smoothed state.  It holds the noise of a whole sample, of which
-    smoothing removes most, so that the samples of a shot may also count themselves.  It also holds the error
-    of the smoothing where forces change fast.  A slow sensor's channel is filled between its samples, so
-    there the distance of a sample from the line through its two neighbours counts if it is larger.
+    It is an upper estimate of the error of a smoothed state.  It contains the noise of a whole sample, of
+    which smoothing removes most, and the error of the smoothing where forces change fast.  A slow sensor's
+    channel is filled between its samples, so there the distance of a sample from the line through its two
+    neighbours counts if it is larger.
 
     Args:
         record: The recording.

@@ -74,10 +74,11 @@ class Design:
 
 
 class Gains(NamedTuple):
-    """Gains of filter and smoother by row since the start of a segment; the last row applies afterwards.
+    """Gains of filter and smoother by row since the start of a segment; the last row holds afterwards.
 
-    `forward` (n, 6, 2): gains of (nu, nu_dot) from the innovation, the second in 1/s. `backward` (n, 6, 4):
-    row-major 2 x 2 gain of the smoother, in SI units.
+    Attributes:
+        forward: Gains of (nu, nu_dot) from the innovation, (n, 6, 2); the second in 1/s.
+        backward: Gain of the smoother, a 2 x 2 matrix row by row, (n, 6, 4), in SI units.
     """
 
     forward: Array
@@ -262,7 +263,7 @@ def estimate(
 ) -> Design:
     """Estimate each axis' ratio, and its noise unless given, by maximum likelihood of the innovations.
 
-    Innovations e_k of the right filter are white with variance R s_k, where s_k follows from the ratio.  For
+    For the right ratio, innovations e_k are white with variance R s_k, where s_k follows from the ratio.  For
     each ratio of a grid, R is the mean of e_k^2 / s_k (or given); the ratio with the highest likelihood is
     used.  Up to 64 windows of 256 rows, evenly spread over the log, are used.  For data without noise the
     likelihood rises to the upper end of the grid: the data are interpolated without smoothing.
@@ -280,11 +281,11 @@ def estimate(
 
 
 def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[float] | None = None) -> Design:
-    """Estimate the design from some windows alone, so that only these need to be read.
+    """Estimate the design from given windows of a log, so that only their rows need to be read.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].
-        within: The windows, as rows [first, last) of it, shape (W, 2); see `windows`.
+        within: The windows, as rows [first, last) of `velocity`, shape (W, 2); see `windows`.
         dt: Sample time [s].
         noise: As for `estimate`.
 

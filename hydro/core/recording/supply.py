@@ -76,8 +76,8 @@ def unknown_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> str:
         return ""
     where = "" if rows == raw.height else f" in {rows:,} of {raw.height:,} rows"
     return (
-        f"no supply voltage{where}: thrust is that of the vehicle file's {nominal_voltage(vehicle):g} V; "
-        "a column `voltage` [V] ([voltage] in the map of `hydro import`) makes it follow the battery"
+        f"no supply voltage{where}: thrust is computed for the file's {nominal_voltage(vehicle):g} V; "
+        "for the thrust at the actual voltage, log it and name its column in [voltage] of the map"
     )
 
 

@@ -99,13 +99,13 @@ TURNING = (3, 4, 5)
 
 
 def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
-    """Return a conversion of wrenches to commands in which fin servos turn the axes that no thruster turns.
+    """Return constants with which fin servos produce the moments that no thruster can produce.
 
-    A demanded moment then gives commands of the servos, as shares of their moments at one speed.  The forces
-    of the fins are ignored.
+    A demanded moment then gives commands of the servos, computed for the moments of the fins at one speed.
+    The forces of the fins are ignored.
 
     Args:
-        crew: Conversion for the thrusters alone.
+        crew: Constants for the thrusters alone.
         wrenches: Wrench of each of n commands at full deflection of a servo, (6, n), 0 for thrusters; see
             `effects.steering.servo_wrenches`, which also gives the speed.
     """

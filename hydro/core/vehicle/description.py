@@ -109,7 +109,7 @@ class Thruster(_Part, frozen=True):
 
     @property
     def pushes(self) -> bool:
-        """Whether the command drives a thruster, not a servo."""
+        """Whether the command drives a thruster and not a servo."""
         return self.curve != "none"
 
 
@@ -142,7 +142,7 @@ class Vehicle(_Part, frozen=True):
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
     def without(self, name: str) -> Vehicle:
-        """Return the vehicle without the effects of a name, a name in this file or one of the catalogue."""
+        """Return the vehicle without the effects that have a name, in this file or in the catalogue."""
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
 
@@ -193,13 +193,13 @@ def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def told_apart(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle of a file with a unique name for each effect, for use in memory."""
+    """Return the vehicle with a unique name for each effect, as used in memory."""
     pairs = zip(vehicle.effect, own_names(vehicle.effect), strict=True)
     effects = tuple(table if table.get("name") == name else {**table, "name": name} for table, name in pairs)
     return msgspec.structs.replace(vehicle, effect=effects)
 
 
 def as_written(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle as in a file, with the effects under their catalogue names."""
+    """Return the vehicle with the catalogue's names of the effects, as written in a file."""
     effects = tuple({**table, "name": called(table)[1]} for table in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=effects)

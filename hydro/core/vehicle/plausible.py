@@ -1,7 +1,8 @@
-"""Physically plausible ranges of a vehicle's parameters; a value beyond its range imitates another effect.
+"""Physically plausible ranges of a vehicle's parameters; values outside often imitate another effect.
 
 The ranges follow from the vehicle's weight, displacement and the box of its hull.  They are generous: a value
-within may be wrong, but a value beyond is reported.  Ranges of increments contain 0.
+inside may be wrong, but a value outside is reported.  Ranges of parameters that are added to a value of the
+file contain 0.
 """
 
 from __future__ import annotations
@@ -139,10 +140,10 @@ def most_drag(vehicle: Vehicle) -> Array:
 
 
 def most_cross_drag(vehicle: Vehicle) -> Array:
-    """Return the maximum drag of the hull's box on each axis per speed across and velocity on the axis, (6,).
+    """Return the maximum drag on each axis per unit of speed across the axis and velocity along it, (6,).
 
-    It is 1/2 rho C_d A for a force and 1/2 rho C_d int r^2 dA for a moment.  rho is the water density, C_d =
-    MOST_DRAG, A the area and r the lever arm.
+    It is the drag of the hull's box: 1/2 rho C_d A for a force and 1/2 rho C_d int r^2 dA for a moment.  rho
+    is the water density, C_d = MOST_DRAG, A the area and r the lever arm.
     """
     sides = 2.0 * _half(vehicle)
     pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
@@ -154,8 +155,8 @@ def most_cross_drag(vehicle: Vehicle) -> Array:
 def most_added(vehicle: Vehicle) -> Array:
     """Return the maximum added mass by axis, (6,) [kg, kg m^2].
 
-    It is MOST_ADDED times the displaced mass, and times the inertia about CO of as much water in the hull's
-    box.
+    It is MOST_ADDED times the displaced mass; for moments, MOST_ADDED times the inertia about CO of the
+    displaced water, spread over the hull's box.
     """
     mass, sides = displaced_mass(vehicle), 2.0 * _half(vehicle)
     center = np.array(vehicle.hull.center)
@@ -165,9 +166,10 @@ def most_added(vehicle: Vehicle) -> Array:
 
 
 def most_lift(vehicle: Vehicle) -> Array:
-    """Return the maximum lift of the hull's side and of its bottom per speed and drift speed, (2,) [kg/m].
+    """Return the maximum lift coefficients of the hull's side and of its bottom, (2,) [kg/m].
 
-    It is 1/2 rho 2 pi A, with the water density rho and the area A.
+    Lift is the coefficient times speed and drift speed.  The coefficient is 1/2 rho 2 pi A, with the water
+    density rho and the area A.
     """
     length, width, height = 2.0 * _half(vehicle)
     pressure = 0.5 * vehicle.environment.water_density * LIFT_SLOPE

@@ -413,8 +413,8 @@ def thrusts(
         commands: Effective commands in N rows, (N, n).
         t: Times [s], (N,), ascending within each segment.
         segments: First and past-the-last row of each of S segments, (S, 2).
-        after_gap: Which segments follow a gap within a session, (S,): these start in the steady state of
-            their first command. All other segments start at rest; by default all do.
+        after_gap: Mask of the segments that follow a gap within a session, (S,), and so start in the steady
+            state of their first command.  All other segments start at rest; by default all do.
         nu_r: Velocity of CO relative to the water, body axes, (N, 6); by default there is no inflow.
 
     Returns:

@@ -69,8 +69,8 @@ class Topic:
     Attributes:
         name: Prefix of the columns.
         kind: Type of the messages.
-        decode: Decode a stored message; None if that is not possible.
-        stamp: Return the time of measurement that a message states [s]; None or 0 without one.
+        decode: Function that decodes a stored message; None if messages cannot be decoded.
+        stamp: Function that returns the time of measurement in a message [s]; None or 0 without one.
         wraps: Period after which the stamp wraps to 0 [s]; 0 if it does not wrap.
         unread: Reason why messages cannot be read, in words; empty if they can.
     """

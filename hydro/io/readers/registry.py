@@ -135,7 +135,7 @@ def _reader(name: str) -> Reader:
 
 
 def read(path: Path, reader: Reader, selection: Selection, options: Options) -> pl.DataFrame | Tables:
-    """Return a table, or the wanted columns of a log of messages; all columns need a second pass.
+    """Return a table, or the wanted columns of a log of messages; wanting all needs a second pass.
 
     Raises:
         DataError: The file is damaged, or its library is not installed.

@@ -53,8 +53,9 @@ class FleetConfig:
 
     Attributes:
         task: One of `tasks.registry.TASKS`.
-        level: Level of the task, a number of `Task.levels`; the greatest by default.
-        led: Whether vehicles follow a planned path; by default if the task is guided.
+        level: Level of the task, its number of obstacles (`Task.levels`); the greatest by default.
+        led: Whether the observed target is a point ahead on a planned path; None for the task's default,
+            `Task.guided`.
         vehicle: A vehicle, the path of its file, or the name of a bundled vehicle.
         condition: One of `conditions.CONDITIONS`.
         model: Residual model, for the conditions that have one.

@@ -28,7 +28,8 @@ class Guidance:
     """Planned paths of N vehicles, and the progress of each along its path.
 
     Attributes:
-        ways: The K corners of every path (N, K, 3), NED [m]; shorter paths repeat their last corner.
+        ways: The K corners of the path of each vehicle, (N, K, 3), NED [m]; shorter paths repeat their last
+            corner.
         off: Distance of each vehicle from its path at the last call of `targets` (N,) [m].
     """
 

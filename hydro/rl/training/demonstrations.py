@@ -92,7 +92,7 @@ def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]
 
 
 def mastered(fleet: Fleet) -> float:
-    """Return the share of vehicles in which the expert succeeds in the first episode.
+    """Return the success rate of the expert in the first episode of each vehicle.
 
     Args:
         fleet: As for `demonstrations`.

@@ -25,7 +25,7 @@ NOT_COMPUTED = math.nan
 
 
 class Values(NamedTuple):
-    """Losses of an update and quantities of its state, with the meaning of `training.sac.Losses`."""
+    """Losses of an update, and quantities that describe its state; `training.sac.Losses` defines them."""
 
     critic: Tensor
     actor: Tensor

@@ -38,7 +38,7 @@ class WithMap:
     """Pilot with a map, which flies along its own planned path, whatever target the observation shows.
 
     Attributes:
-        begun: Vehicles (N,) whose episode has begun since the last call.
+        begun: Mask of the vehicles whose episode has begun since the last call, (N,).
     """
 
     def __init__(self, fleet: Fleet, manner: Manner = PLAIN) -> None:

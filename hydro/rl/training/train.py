@@ -45,7 +45,7 @@ Part = Callable[[str], AbstractContextManager[object]]
 
 
 class Training:
-    """Training at some step.
+    """Training of a policy: the loop, its progress, and its complete state at every evaluation.
 
     Attributes:
         config: Settings.

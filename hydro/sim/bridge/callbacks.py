@@ -349,11 +349,14 @@ def _internal_rates(data: int, vehicle: Array) -> None:
 
 @within
 def lag_share(row: Array, step: float) -> float:
-    """Return the mean rate of a thruster's lag state over a step, per distance to its steady state [1/s].
+    """Return the rate at which a thruster's lag state approaches its steady value, averaged over a step.
 
     Args:
         row: Row of the thruster table, (columns,).
         step: Time step [s].
+
+    Returns:
+        Change of the state per second, as a share of the distance to the steady value [1/s].
     """
     return (1.0 - lag_decay(row, step)) / step
 

@@ -78,7 +78,7 @@ def factor(M: Array, L: Array, inverse: Array) -> bool:
 
 @within
 def stale(A: Array, mass: float, M: Array) -> bool:
-    """Return whether M (21,) may already contain an added inertia A (36,), as after a second velocity stage.
+    """Return whether M (21,) may already contain an added inertia A (36,), so that A must not be added again.
 
     The translational part of M is the body's mass times the identity, and the trace of the added part does
     not depend on the attitude.  So the trace shows whether A was added.

@@ -58,11 +58,11 @@ class Water:
         coriolis: Inertia whose C(nu_r) nu_r acts, (6, 6); equal to `inertia` for the whole effect.
         cancelled: Inertia whose C(nu) nu is cancelled, (6, 6): M_RB if a residual model includes all of C.
         control: Residual network that runs inside the simulation.
-        drifting: Use nu_r as input of the network and in the cancelled C: for a network that learnt in still
-            water and moves in a current.
+        drifting: Whether the network's input and the cancelled C use nu_r, as for a network that learnt in
+            still water and moves in a current.
         held: Whether the host writes a wrench (6 entries of `userdata`, FRD) for the left-hand side of the
             equation of motion.
-        ellipsoid: MuJoCo's fluid model acts on the hull.
+        ellipsoid: Whether MuJoCo's fluid model acts on the hull.
     """
 
     program: Program
@@ -134,12 +134,13 @@ def residual(
     effects: bool = False,
     beside: Sequence[Mapping[str, Any]] = (),
 ) -> Water:
-    """Return the water forces of a residual model and the terms outside its label: M_A, and no C_RB (eq. 5).
+    """Return the water forces with a residual model: its wrench, M_A in the inertia, and no C_RB (eq. 5).
 
-    With `effects`, the label excluded all effects (`labels --subtract effects`): they act, including C_A.
-    C_RB is not an effect, so the label and the model include it in both cases.  Without a `control`, the
-    model runs on the host, which holds its wrench in `userdata`.  Effects in `beside` were absent from the
-    training data.  They act too, with the Coriolis terms of the inertia they add (`sim.residual.beside`).
+    The label is the force that the model learnt.  With `effects`, the label excluded all effects (`labels
+    --subtract effects`), so the effects act too, including C_A.  C_RB is not an effect, so label and model
+    include it in both cases.  Without a `control`, the model runs on the host, which holds its wrench in
+    `userdata`.  Effects in `beside` were absent from the training data.  They act too, with the Coriolis
+    terms of the inertia that they add (`sim.residual.beside`).
 
     `beside` may have a current.  A label of still water holds N in M nu_dot + N(nu, nu_dot) + g = tau, which
     is a law of the frame in which the water rests.  In a steady, uniform current this frame drifts with the

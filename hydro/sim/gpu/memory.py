@@ -73,7 +73,7 @@ def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
 
 
 def shared(tensor: Any) -> Any:
-    """Return a device tensor for kernels, with the same memory."""
+    """Return a device tensor as an array that kernels accept, with the same memory."""
     if simulated():
         return tensor.numpy()
     from numba import cuda

@@ -108,7 +108,7 @@ class Delays:
         self._past = np.zeros((int(self._whole.max(initial=0)) + 2, len(table)))
 
     def felt(self, setpoints: Array) -> Iterator[tuple[int, Array]]:
-        """Yield the parts of the next step between changes of delayed setpoints.
+        """Yield the parts of the next step, each with constant delayed setpoints.
 
         Args:
             setpoints: Setpoints that are given from now on (k,).

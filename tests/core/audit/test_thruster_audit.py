@@ -220,7 +220,7 @@ def test_thrusters_that_always_act_together_are_named_and_nothing_is_said_of_one
     assert found.together == ((4, 5, 6, 7),)
     assert found.clear.tolist() == [True] * 4 + [False] * 4
     told = list(found.lines())
-    assert told[0] == "thrusters 1, 2, 3 and 4 push as the file says"
+    assert told[0] == "thrusters 1 to 4 push as the file says"
     assert told[1].startswith("thrusters 5, 6, 7 and 8 act alike in this recording and cannot be separated")
     upside_down = audited(raw.with_columns(-pl.col(f"cmd_{i + 1}") for i in range(4, N)))
     assert upside_down.wrong

@@ -218,7 +218,10 @@ def test_against_an_earlier_comparison():
     heave = whole(after, "force")["Z"]
     assert heave["before"] == pytest.approx(whole(before, "force")["Z"]["rmse"])
     assert heave["rmse"] < 0.7 * heave["before"]
-    ranked = before.filter(pl.col("rank").is_not_null(), ~pl.col("place").is_in(["elsewhere", "throughout"]))
+    ranked = before.filter(
+        pl.col("rank").is_not_null(),
+        ~pl.col("place").is_in([failure_regimes.ELSEWHERE, failure_regimes.THROUGHOUT]),
+    )
     again = after.filter(by="place").select("axis", "place", "before")
     assert set(ranked.select("axis", "place").rows()) <= set(again.select("axis", "place").rows())
     assert again["before"].null_count() == 0
@@ -247,7 +250,7 @@ def test_places_hold_one_piece_and_axis_once(shape, seed):
         assert sum(place.share for place in held) <= error[:, axis].sum() + 1e-9
     assert len({(place.axis, place.words) for place in listed}) == len(listed)
     for place in listed:
-        if place.words not in ("elsewhere", "throughout"):
+        if place.words not in (failure_regimes.ELSEWHERE, failure_regimes.THROUGHOUT):
             assert (failure_regimes.find({place.words}, groups)[place.words] == place.met).all()
 
 
@@ -263,7 +266,7 @@ def test_a_planted_place_is_ranked_first():
     )
     assert (listed[0].axis, listed[0].words) == (1, "while turning right above 0.8 m/s")
     assert listed[0].share == pytest.approx(error[error == 40.0].sum() / error.sum())
-    assert [place.words for place in listed[1:]] == ["throughout", "elsewhere"]
+    assert [place.words for place in listed[1:]] == ["in all motion", "in all other motion"]
 
 
 @pytest.mark.parametrize(("seconds", "told"), [(2.0, False), (5.0, True)])

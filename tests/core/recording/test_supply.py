@@ -89,12 +89,12 @@ def test_a_reading_is_held_within_its_session() -> None:
     volts = supply_voltage(boat(), frame)
     assert volts is not None
     assert volts.tolist() == [15.0, 15.0, 15.0, 14.0, 14.0, NOMINAL, NOMINAL, 12.0, 12.0]
-    assert "in 2 of 9 rows: thrust is that of the vehicle file's 16 V" in unknown_voltage(boat(), frame)
+    assert "in 2 of 9 rows: thrust is computed for the file's 16 V" in unknown_voltage(boat(), frame)
 
 
 def test_a_recording_without_voltage_is_told_in_one_line() -> None:
     line = unknown_voltage(boat(), commands())
-    assert line.startswith("no supply voltage: thrust is that of the vehicle file's 16 V; a column `voltage`")
+    assert line.startswith("no supply voltage: thrust is computed for the file's 16 V; for the thrust")
     assert "\n" not in line
     assert unknown_voltage(boat(), commands(volts=[15.0] * 1500)) == ""
 
