@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import compile_once
+import once
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -22,6 +23,7 @@ os.environ.update(nodes.AUTHENTICATION)
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     compile_once.install()
+once.install()
 
 settings.register_profile(
     "ci", derandomize=True, deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
@@ -37,6 +39,12 @@ LONG = ("test_contributing", "test_demo", "test_kills", "test_readme", "test_tut
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest tests; the others keep their order."""
     items.sort(key=lambda item: item.path.stem not in LONG)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Let a test use recordings that others have preprocessed, unless it changes how that is done."""
+    once.kept_for(item)
 
 
 def pytest_collection_finish() -> None:

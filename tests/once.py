@@ -1,0 +1,87 @@
+"""Preprocessed recordings, kept for the tests of one process that preprocess the same recording again.
+
+Preprocessing is a pure function: of the same vehicle and the same table it returns the same result.  Most tests
+of commands read one of a few bundled recordings, and cleaning and auditing those takes longer than what the
+tests look at.  A test that replaces a part of `hydro.core`, and every test of the preprocessing itself, computes
+it anew.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import io
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import polars as pl
+import pytest
+
+from hydro.core.diagnosis import log_faults
+
+MOST = 6
+"""Number of results that are kept; the largest bundled recording takes some 50 MB."""
+ANEW = ("core/audit", "core/cleaning", "core/logs", "core/preprocessing", "core/recording")
+"""Folders of tests that always compute it."""
+TESTS = Path(__file__).resolve().parent
+
+
+class _Kept:
+    """Whether the running test may use results that are kept."""
+
+    wanted = False
+
+
+def kept_for(item: pytest.Item) -> None:
+    """Decide whether a test may use results that are kept."""
+    _Kept.wanted = not item.path.relative_to(TESTS).as_posix().startswith(ANEW)
+
+
+def watched(setattr: Callable[..., None]) -> Callable[..., None]:
+    """Wrap a method of `monkeypatch`: a test that replaces a part of `hydro.core` uses nothing kept from then on."""
+
+    @functools.wraps(setattr)
+    def and_anew(self: pytest.MonkeyPatch, target: Any, *others: Any, **options: Any) -> None:
+        named = getattr(target, "__module__", None) or getattr(target, "__name__", "")
+        if (target if isinstance(target, str) else named).startswith("hydro.core"):
+            _Kept.wanted = False
+        return setattr(self, target, *others, **options)
+
+    return and_anew
+
+
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a pure function of a vehicle and a raw table, so that it is computed once for both."""
+    results = OrderedDict[bytes, Any]()
+
+    @functools.wraps(function)
+    def known_or_computed(vehicle: Any, raw: pl.DataFrame, *others: Any, **options: Any) -> Any:
+        if not _Kept.wanted or any(one is not None for one in (*others, *options.values())):
+            return function(vehicle, raw, *others, **options)
+        key = _key(vehicle, raw)
+        if key not in results:
+            results[key] = function(vehicle, raw)
+        results.move_to_end(key)
+        while len(results) > MOST:
+            results.popitem(last=False)
+        return results[key]
+
+    return known_or_computed
+
+
+def _key(vehicle: Any, raw: pl.DataFrame) -> bytes:
+    """Digest of every number of a vehicle and a table."""
+    stream = io.BytesIO()
+    raw.rechunk().write_ipc(stream)
+    digest = hashlib.blake2b(msgspec.json.encode(vehicle, enc_hook=lambda array: array.tolist()))
+    digest.update(stream.getbuffer())
+    return digest.digest()
+
+
+def install() -> None:
+    """Keep results of `preprocess`; modules that import it later import the wrapped function."""
+    log_faults.preprocess = once(log_faults.preprocess)
+    pytest.MonkeyPatch.setattr = watched(pytest.MonkeyPatch.setattr)
