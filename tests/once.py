@@ -1,9 +1,8 @@
 """Preprocessed recordings, kept for the tests of one process that preprocess the same recording again.
 
-Preprocessing is a pure function: of the same vehicle and the same table it returns the same result.  Most tests
-of commands read one of a few bundled recordings, and cleaning and auditing those takes longer than what the
-tests look at.  A test that replaces a part of `hydro.core`, and every test of the preprocessing itself, computes
-it anew.
+Preprocessing is a pure function: from the same vehicle and table it returns the same result.  Most tests of
+commands read one of a few bundled recordings, and preprocessing takes longer than the rest of such a test.
+Tests of the preprocessing, and tests that replace a part of `hydro.core`, compute it again.
 """
 
 from __future__ import annotations
@@ -23,25 +22,25 @@ import pytest
 from hydro.core.diagnosis import log_faults
 
 MOST = 6
-"""Number of results that are kept; the largest bundled recording takes some 50 MB."""
+"""Maximum number of kept results; the result of the largest bundled recording takes some 50 MB."""
 ANEW = ("core/audit", "core/cleaning", "core/logs", "core/preprocessing", "core/recording")
-"""Folders of tests that always compute it."""
+"""Folders of the tests that always compute again."""
 TESTS = Path(__file__).resolve().parent
 
 
 class _Kept:
-    """Whether the running test may use results that are kept."""
+    """Whether the running test may use kept results."""
 
     wanted = False
 
 
 def kept_for(item: pytest.Item) -> None:
-    """Decide whether a test may use results that are kept."""
+    """Decide whether a test may use kept results."""
     _Kept.wanted = not item.path.relative_to(TESTS).as_posix().startswith(ANEW)
 
 
 def watched(setattr: Callable[..., None]) -> Callable[..., None]:
-    """Wrap a method of `monkeypatch`: a test that replaces a part of `hydro.core` uses nothing kept from then on."""
+    """Wrap a method of `monkeypatch`: after it replaces a part of `hydro.core`, no kept result is used."""
 
     @functools.wraps(setattr)
     def and_anew(self: pytest.MonkeyPatch, target: Any, *others: Any, **options: Any) -> None:

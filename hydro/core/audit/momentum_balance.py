@@ -583,7 +583,8 @@ class _Terms:
         weight = self.vehicle.rigid_body.mass * water.gravity
         displaced = self.vehicle.buoyancy.force / water.gravity
         light, (still, _) = self.inverse[axis, axis], self.steady
-        one, carried, down = still[:, :1], UNSTEADY * still[:, 1:7], still[:, 7:]  # unknown motion of the water
+        one, down = still[:, :1], still[:, 7:]
+        carried = UNSTEADY * still[:, 1:7]  # unknown velocity of the water, north and east, in body axes
         cross = np.full(AXES, CROSS)
         cross[axis] = 1.0
         lever = 1.0 if axis < 3 else OFFSET * length
