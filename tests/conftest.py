@@ -25,6 +25,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     compile_once.install()
 once.install()
 
+# Modules and tests that are collected stay to the end: to look for garbage among them takes a second.
+gc.disable()
+
 settings.register_profile(
     "ci", derandomize=True, deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -50,6 +53,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_collection_finish() -> None:
     """Leave what all tests and libraries hold out of every later collection of garbage: it stays anyway."""
     freeze()
+    gc.enable()
 
 
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:

@@ -1,4 +1,4 @@
-"""Tests share preprocessed recordings, if vehicle and table are the same and no part of the core is replaced."""
+"""Tests share a preprocessed recording where vehicle and table are the same and nothing is replaced."""
 
 from __future__ import annotations
 
