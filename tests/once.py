@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import io
+import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -54,19 +55,22 @@ def watched(setattr: Callable[..., None]) -> Callable[..., None]:
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a pure function of a vehicle and a raw table, so that it is computed once for both."""
-    results = OrderedDict[bytes, Any]()
+    results, changing = OrderedDict[bytes, Any](), threading.Lock()
 
     @functools.wraps(function)
     def known_or_computed(vehicle: Any, raw: pl.DataFrame, *others: Any, **options: Any) -> Any:
         if not _Kept.wanted or any(one is not None for one in (*others, *options.values())):
             return function(vehicle, raw, *others, **options)
         key = _key(vehicle, raw)
-        if key not in results:
-            results[key] = function(vehicle, raw)
-        results.move_to_end(key)
-        while len(results) > MOST:
-            results.popitem(last=False)
-        return results[key]
+        with changing:
+            found = results.pop(key, None)
+        if found is None:
+            found = function(vehicle, raw)
+        with changing:  # the workbench preprocesses in threads
+            results[key] = found
+            while len(results) > MOST:
+                results.popitem(last=False)
+        return found
 
     return known_or_computed
 
