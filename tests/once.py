@@ -24,7 +24,7 @@ from hydro.core.diagnosis import log_faults
 
 MOST = 6
 """Maximum number of kept results; the result of the largest bundled recording takes some 50 MB."""
-ANEW = ("core/audit", "core/cleaning", "core/logs", "core/preprocessing", "core/recording")
+ANEW = ("app", "core/audit", "core/cleaning", "core/logs", "core/preprocessing", "core/recording")
 """Folders of the tests that always compute again."""
 TESTS = Path(__file__).resolve().parent
 
