@@ -17,9 +17,12 @@ install: $(STAMP)     ## create .venv and install hydro with its development too
 $(STAMP): pyproject.toml
 	@test -x $(BIN)/python || { echo "creating $(VENV)"; $(PYTHON) -m venv $(VENV); }
 	@echo "installing hydro and its dependencies into $(VENV) (a few minutes the first time)"
-# Python compiles a module when it is first imported: most of 20,000 never are.
+# Python compiles a module when it is first imported: most of 20,000 never are. Those of the tests are compiled
+# here, beside the kernels, as otherwise each worker would compile all of them at the same time.
 	@$(BIN)/python -m pip install --quiet --no-compile --editable ".[dev]"
-	@$(BIN)/python -m benchmarks.kernels & $(BIN)/python -m hydro.study.kernels && wait $$!
+	@$(BIN)/python -m pytest --collect-only -qq >/dev/null & modules=$$!; \
+	$(BIN)/python -m benchmarks.kernels & kernels=$$!; \
+	$(BIN)/python -m hydro.study.kernels && wait $$kernels && wait $$modules
 	@touch $@
 
 demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo-out

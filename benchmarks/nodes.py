@@ -62,11 +62,11 @@ class Nodes:
         """Wait until the cluster knows all its nodes."""
         from hydro.study.cluster import Cluster
 
-        for _ in range(int(WAIT)):
-            with Cluster(self.address) as cluster:
-                if cluster.slots == len(self.nodes):
+        with Cluster(self.address) as cluster:  # only one, as Ray starts new workers for every connection
+            for _ in range(int(WAIT / 0.2)):
+                if len(cluster.nodes()) == len(self.nodes):
                     return
-            time.sleep(1.0)
+                time.sleep(0.2)
         raise OSError("not all nodes have come")
 
     def kill(self, node: str) -> None:

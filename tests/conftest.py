@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import compile_once
+import once
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -22,6 +23,10 @@ os.environ.update(nodes.AUTHENTICATION)
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     compile_once.install()
+once.install()
+
+# Modules and tests that are collected stay to the end: to look for garbage among them takes a second.
+gc.disable()
 
 settings.register_profile(
     "ci", derandomize=True, deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
@@ -39,9 +44,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.stem not in LONG)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Let a test use recordings that others have preprocessed, unless it changes how that is done."""
+    once.kept_for(item)
+
+
 def pytest_collection_finish() -> None:
     """Leave what all tests and libraries hold out of every later collection of garbage: it stays anyway."""
     freeze()
+    gc.enable()
 
 
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:

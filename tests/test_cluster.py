@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -20,6 +21,7 @@ from hydro.core.errors import DataError, UsageError
 from hydro.io import partitions, table
 from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
+from hydro.study import cluster as module
 from hydro.study.cluster import Cluster
 from hydro.study.steps import Runner, Step, StepFailed
 
@@ -38,11 +40,37 @@ def nodes() -> Iterator[two.Nodes]:
 
 @pytest.fixture(scope="module")
 def cluster(nodes: two.Nodes) -> Iterator[Cluster]:
-    """One connection for the tests at the end of the module: Ray starts new workers for every connection."""
+    """One connection for all tests but the first: Ray starts new workers for every connection."""
     nodes.wait()
     with Cluster(nodes.address) as connected:
         connected.prepare()
         yield connected
+
+
+class Connected:
+    """The Ray module, of which a connection is there already and stays."""
+
+    def __init__(self, ray: Any) -> None:
+        self.ray = ray
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.ray, name)
+
+    def init(self, **options: Any) -> None:
+        """Check that a command asks for what the connection has."""
+        assert options["runtime_env"]["env_vars"]["OMP_NUM_THREADS"] == "1"
+
+    def shutdown(self) -> None:
+        """Leave the connection open."""
+
+
+@pytest.fixture
+def connected(nodes: two.Nodes, cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Options of commands that work on the cluster through the connection that is there."""
+    import ray
+
+    monkeypatch.setattr(module, "_imported", lambda: Connected(ray))
+    return ["--engine", "ray", "--address", nodes.address]
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +89,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 def test_labels_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path):
+    """The command makes its own connection, before this process has another."""
     line = ["labels", str(dives), "--vehicle", VEHICLE]
     assert cli.main([*line, "-o", str(tmp_path / "here")]) == 0
     ray = ["--engine", "ray", "--address", nodes.address]
@@ -69,7 +98,7 @@ def test_labels_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path):
     assert len(content(tmp_path / "here")) == len(NAMES)
 
 
-def test_diagnoses_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path, capfd):
+def test_diagnoses_of_a_cluster_are_those_of_one_process(connected, dives, tmp_path, capfd):
     """Session by session as a file of its own; one that is too short holds nobody up."""
     few, vehicle = tmp_path / "few", vehicles.read(VEHICLE)[0]
     for name in ("a", "short"):
@@ -80,8 +109,7 @@ def test_diagnoses_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path,
         table.write(made, target)
     alone = tmp_path / "a.parquet"
     assert cli.main(["diagnose", VEHICLE, str(partitions.place(few, "a")), "-o", str(alone)]) == 0
-    ray = ["--engine", "ray", "--address", nodes.address]
-    assert cli.main(["diagnose", VEHICLE, str(few), "--each", *ray, "-o", str(tmp_path / "each")]) == 1
+    assert cli.main(["diagnose", VEHICLE, str(few), "--each", *connected, "-o", str(tmp_path / "each")]) == 1
     assert partitions.place(tmp_path / "each", "a").read_bytes() == alone.read_bytes()
     told = capfd.readouterr().err
     assert f"hydro: {partitions.place(few, 'short')}: " in told
@@ -89,12 +117,11 @@ def test_diagnoses_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path,
     assert partitions.sessions(tmp_path / "each") == ["a"]
 
 
-def test_a_history_of_a_cluster_is_that_of_one_process(nodes, dives, tmp_path):
+def test_a_history_of_a_cluster_is_that_of_one_process(connected, dives, tmp_path):
     """Table, estimates of each dive, changes and page, and a second run that reads them all."""
     line = ["track", VEHICLE, str(dives), "--baseline", "2"]
-    ray = ["--engine", "ray", "--address", nodes.address]
     assert cli.main([*line, "-o", str(tmp_path / "here")]) == 0
-    assert cli.main([*line, *ray, "-o", str(tmp_path / "there")]) == 0
+    assert cli.main([*line, *connected, "-o", str(tmp_path / "there")]) == 0
     here, there = (
         {path.relative_to(tmp_path / home): path.read_bytes() for path in (tmp_path / home).rglob("*.*")}
         for home in ("here", "there")
@@ -128,10 +155,10 @@ def failing(number: int) -> int:
     return number
 
 
-def test_benchmarks_run_their_tasks_on_the_cluster(nodes):
+def test_benchmarks_run_their_tasks_on_the_cluster(connected):
     parser = argparse.ArgumentParser()
     add_workers(parser)
-    chosen = parser.parse_args(["--engine", "ray", "--address", nodes.address])
+    chosen = parser.parse_args(connected)
     assert sorted(done(abs, [(-1,), (2,), (-3,)], chosen)) == [1, 2, 3]
 
 
@@ -155,14 +182,12 @@ def test_a_wrong_address_is_one_line_at_once(dives, tmp_path, capsys, address, w
 def test_what_is_no_ray_head_is_told_apart(tmp_path, monkeypatch):
     import socket
 
-    from hydro.study import cluster
-
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    monkeypatch.setattr(module, "PATIENCE", 0.2)
     with socket.socket() as deaf:
         deaf.bind((two.HEAD, 0))
         deaf.listen()
         with pytest.raises(UsageError, match="not a Ray head"):
-            cluster.Cluster(f"{two.HEAD}:{deaf.getsockname()[1]}")
+            Cluster(f"{two.HEAD}:{deaf.getsockname()[1]}")
 
 
 def test_without_ray_one_line_says_what_to_install(dives, tmp_path, capsys, monkeypatch):

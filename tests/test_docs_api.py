@@ -32,7 +32,7 @@ def test_a_missing_effect_is_found_and_added(tmp_path: Path) -> None:
     (short / "vehicle.toml").write_bytes((HIDDEN / "vehicle.toml").read_bytes())
     for name in ("measured", "heldout"):
         whole = hydro.read(HIDDEN / f"{name}.parquet")
-        hydro.write(whole.head(1500), short / f"{name}.parquet", "raw")
+        hydro.write(whole.head(1000), short / f"{name}.parquet", "raw")
     code = examples("Example: find a missing effect")
     script = tmp_path / "page.py"
     script.write_text(

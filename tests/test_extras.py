@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from tables import shorten
 
 ROOT = Path(__file__).resolve().parents[1]
 HIDDEN = ROOT / "datasets" / "hidden"
@@ -44,7 +46,9 @@ def without(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_models_are_compared_and_exported_without_torch(tmp_path: Path) -> None:
-    vehicle, measured = HIDDEN / "vehicle.toml", HIDDEN / "measured.parquet"
+    shutil.copytree(HIDDEN, tmp_path / "hidden")
+    shorten(tmp_path / "hidden", 10.0, sessions=2)
+    vehicle, measured = (tmp_path / "hidden" / name for name in ("vehicle.toml", "measured.parquet"))
     compared = without("compare", vehicle, measured, "-o", tmp_path / "errors.parquet", cwd=tmp_path)
     assert compared.returncode == 0, compared.stderr
     exported = without("export", vehicle, "--to", "mujoco", "-o", tmp_path / "model.xml", cwd=tmp_path)

@@ -50,9 +50,9 @@ def test_regression_names_a_plain_force_and_predicts_better_for_it(logs):
 
 @pytest.mark.slow
 def test_output_error_predicts_better_for_its_fit(logs, monkeypatch):
-    monkeypatch.setattr(output_error, "SHOTS", 6)
+    monkeypatch.setattr(output_error, "SHOTS", 4)
     monkeypatch.setattr(output_error, "SECONDS", 2.0)
-    monkeypatch.setattr(output_error, "EVALUATIONS", 8)
+    monkeypatch.setattr(output_error, "EVALUATIONS", 6)
     measured, held_out = logs
     found = output_error.answer(GIVEN, measured)
     assert found.name in {"", *(group.name for group in output_error.parameters(GIVEN))}

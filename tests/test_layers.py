@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -109,6 +110,18 @@ def layer(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
+def parsed(path: Path) -> ast.Module:
+    """Syntax tree of a file."""
+    return tree_of(path.read_text())
+
+
+@cache
+def tree_of(text: str) -> ast.Module:
+    """Syntax tree of a source."""
+    return ast.parse(text)
+
+
+@cache
 def imported(tree: ast.AST) -> list[str]:
     """Absolute names of everything imported under `tree`, in functions and for type checkers too."""
     names = []
@@ -126,7 +139,7 @@ def graph(root: Path, *packages: str) -> Graph:
     files = {_name(root, path): path for package in packages for path in (root / package).rglob("*.py")}
     found = {}
     for name, path in files.items():
-        names = imported(ast.parse(path.read_text()))
+        names = [*imported(parsed(path))]
         if not (path.parent / "__init__.py").exists():  # scripts know those beside them by their bare names
             names += [f"{name.rpartition('.')[0]}.{each}" for each in names]
         reached = {_module(each, files) for each in names}
@@ -213,7 +226,7 @@ def heavy_at_import(path: Path, tree: ast.Module) -> list[str]:
 @pytest.fixture(scope="module")
 def trees() -> dict[Path, ast.Module]:
     """Syntax trees of all modules of the package."""
-    return {path: ast.parse(path.read_text()) for path in MODULES}
+    return {path: parsed(path) for path in MODULES}
 
 
 def test_imports_point_one_way(trees: dict[Path, ast.Module]) -> None:
@@ -252,7 +265,7 @@ def test_no_test_imports_another() -> None:
     tests = {path.stem for path in (ROOT / "tests").rglob("test_*.py")}
     assert Path(__file__).stem in tests
     for path in (ROOT / "tests").rglob("*.py"):
-        names = imported(ast.parse(path.read_text()))
+        names = imported(parsed(path))
         assert not [name for name in names if tests & set(name.split("."))], path
 
 

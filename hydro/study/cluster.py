@@ -67,7 +67,7 @@ class Cluster:
             )
             raise UsageError(f"no Ray cluster at {address or 'this machine'}: {reason}{asked}") from error
         self._run = ray.remote(num_cpus=processors, max_retries=RETRIES)(_run)
-        self.slots = sum(room for _, _, room in self._nodes())
+        self.slots = sum(room for _, _, room in self.nodes())
         if not self.slots:
             self.close()
             raise UsageError(
@@ -127,7 +127,7 @@ class Cluster:
         if code:
             raise StepFailed(step, code)
 
-    def _nodes(self) -> list[tuple[str, str, int]]:
+    def nodes(self) -> list[tuple[str, str, int]]:
         """Return identity, address and number of task slots of each live node that has a slot."""
         found = [
             (
@@ -148,7 +148,7 @@ class Cluster:
         """
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy as On
 
-        nodes = self._nodes()
+        nodes = self.nodes()
         begun = [
             self._run.options(scheduling_strategy=On(node, soft=True)).remote(self._home, _prepared, (warm,))
             for node, _, _ in nodes

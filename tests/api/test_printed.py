@@ -196,7 +196,7 @@ def test_types_are_known_to_a_strict_checker(tmp_path: Path) -> None:
         "[mypy-torch.*,matplotlib.*,plotly.*,mujoco.*,numba.*,scipy.*,pyarrow.*]\nfollow_imports = skip\n"
     )
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "theirs.py"],
+        [sys.executable, "-m", "mypy", "--cache-dir", os.devnull, "theirs.py"],
         cwd=tmp_path,
         env=os.environ | {"MYPYPATH": str(Path(hydro.__file__).parents[1])},
         capture_output=True,

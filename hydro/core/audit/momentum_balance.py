@@ -92,6 +92,11 @@ HORIZONTAL = (0, 1, 5)
 """Axes used in the search for a current: surge, sway, yaw."""
 ROUNDING = 1e-10
 """Share of the largest eigenvalue below which a combination of thrust columns counts as not excited."""
+SINGULAR = 1e-6
+"""Ratio of the smallest to the largest pivot of a Cholesky factor below which a matrix counts as singular.
+
+Its square is the reciprocal of the condition number, which must stay far above the rounding of 1e-16.
+"""
 REACH = 10.0
 """Prior standard deviation of a free acceleration per newton, relative to that of the file."""
 DRAG = 1.0
@@ -318,38 +323,59 @@ class _Axis:
         out /= self.spread
         return out
 
-    def design(self, pushed: Array) -> Array:
-        """Return the regressors (W, p + k), scaled by their prior standard deviations."""
-        return np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
+    @cached_property
+    def accelerations(self) -> Array:
+        """Whitened accelerations, (W,)."""
+        return self.filtered(self.left)
 
-    def fitted(self, pushed: Array) -> tuple[Array, float]:
-        """Fit all columns freely; return the unwhitened errors (W,) and the effective number of parameters.
+    @cached_property
+    def nuisance(self) -> Array:
+        """Whitened nuisance terms, (W, p)."""
+        return self.filtered(self.terms)
+
+    @cached_property
+    def nuisance_products(self) -> Array:
+        """Products of the whitened nuisance terms with one another, (p, p)."""
+        return np.asarray(self.nuisance.T @ self.nuisance)
+
+    def thrust(self, pushed: Array) -> Array:
+        """Return integrated thrusts (W, k), scaled by their prior standard deviations."""
+        return REACH * self.size * pushed * self.weights[:, None]
+
+    def fitted(self, pushed: Array) -> tuple[Array, Array, float]:
+        """Fit all columns freely: nuisance terms and thrusts, scaled by their prior standard deviations.
 
         Args:
             pushed: Integrated thrusts, (W, k).
+
+        Returns:
+            The coefficients (p + k,), the whitened errors (W,), and the effective number of parameters.
         """
-        whole = self.design(pushed)
-        y, columns = self.filtered(self.left), self.filtered(whole)
-        gram = columns.T @ columns
-        # Of noise-free columns the priors vanish in rounding, so that the sum may be singular.
-        inverse = scipy.linalg.pinvh(gram + np.eye(len(gram)))
-        beta = inverse @ (columns.T @ y)
-        freedom = float((inverse * gram).sum())
-        return self.left - whole @ beta, freedom
+        thrust = self.filtered(self.thrust(pushed))
+        columns = np.hstack([self.nuisance, thrust])
+        count = self.nuisance.shape[1]
+        gram = np.empty((columns.shape[1], columns.shape[1]))
+        gram[:count, :count] = self.nuisance_products
+        gram[:, count:] = columns.T @ thrust
+        gram[count:, :count] = gram[:count, count:].T
+        inverse = _inverse(gram + np.eye(len(gram)))
+        beta = inverse @ (columns.T @ self.accelerations)
+        return beta, self.accelerations - columns @ beta, float((inverse * gram).sum())
 
     def cost(self, pushed: Array) -> float:
         """Return minus twice the log likelihood with every column free and the spread estimated."""
-        errors, _ = self.fitted(pushed)
-        squares = self.filtered(errors) ** 2
-        return float(len(errors) * np.log(squares.sum() + 1e-300))
+        _, errors, _ = self.fitted(pushed)
+        return float(len(errors) * np.log(errors @ errors + 1e-300))
 
     def whitened(self, pushed: Array) -> _Axis:
         """Return the axis with autoregression and spread of the errors, estimated from thrusts (W, k)."""
-        axis = self
         if not self.shown:
             return self
+        axis = self
+        columns = np.hstack([self.terms, self.thrust(pushed)])
         for _ in range(ROUNDS):
-            errors, freedom = axis.fitted(pushed)
+            coefficients, _, freedom = axis.fitted(pushed)
+            errors = self.left - columns @ coefficients
             plain = replace(axis, filter=_autoregression(errors, axis.consecutive), spread=1.0)
             squares = float((plain.filtered(errors) ** 2).sum())
             room = max(len(errors) - freedom, 0.1 * len(errors))
@@ -378,8 +404,8 @@ class _Axis:
             count: Number of odd parts.
         """
         whole = pushed * self.weights[:, None]
-        terms = self.filtered(np.hstack([self.terms, self.size * whole[:, count:]]))
-        columns, y, width = self.filtered(whole[:, :count]), self.filtered(self.left), terms.shape[1]
+        terms = np.hstack([self.nuisance, self.filtered(self.size * whole[:, count:])])
+        columns, y, width = self.filtered(whole[:, :count]), self.accelerations, terms.shape[1]
         basis, _ = np.linalg.qr(np.vstack([terms, np.eye(width)]))
         columns = np.vstack([columns, np.zeros((width, columns.shape[1]))])
         columns -= basis @ (basis.T @ columns)
@@ -389,6 +415,19 @@ class _Axis:
         sizes, vectors = sizes[visible], vectors[:, visible]
         kept = 1.0 / (1.0 + (GEOMETRY * self.size) ** 2 * sizes)
         return (vectors * (kept * sizes)) @ vectors.T, vectors @ (kept * (vectors.T @ score))
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric matrix, or the pseudo-inverse of one that is singular in rounding.
+
+    Of noise-free columns the priors vanish in rounding, so that the sum with them may be singular.
+    """
+    factor, failed = scipy.linalg.lapack.dpotrf(matrix)
+    pivots = np.diagonal(factor)
+    if failed or pivots.min() < SINGULAR * pivots.max():
+        return np.asarray(scipy.linalg.pinvh(matrix))
+    upper = np.triu(scipy.linalg.lapack.dpotri(factor)[0])
+    return np.asarray(upper + np.triu(upper, 1).T)
 
 
 def _autoregression(errors: Array, consecutive: Mask) -> Array:
@@ -446,16 +485,15 @@ class _Terms:
         drifting = windows.drifting(model)
         if self.beside is not None:
             drifting += self.beside[windows.rows] @ self.inverse.T
-        left, R = windows.moved(model) - windows.sums(drifting), self.turned
-        nu = windows.nu[windows.rows].copy()
-        nu[:, :3] -= np.einsum("kji,j->ki", R[:, :2], current)
-        return [self._axis(i, left[:, i], nu, R, None if known is None else known[i]) for i in wanted]
+        left = self.measured - windows.sums(drifting)
+        motion = self._motion(current)
+        return [self._axis(i, left[:, i], motion, None if known is None else known[i]) for i in wanted]
 
-    def _axis(self, axis: int, left: Array, nu: Array, R: Array, known: _Axis | None) -> _Axis:
+    def _axis(self, axis: int, left: Array, motion: _Motion, known: _Axis | None) -> _Axis:
         """Set up the regression of one axis; an unknown mounting position of the DVL is a nuisance too."""
         windows = self.windows
         weights = np.ones(len(left)) if windows.known is None else windows.known[:, axis]
-        terms = windows.sums(self._along(axis, nu, R))
+        terms = self._along(axis, motion)
         if axis < 3:
             terms = np.hstack([terms, self.levers[:, :, axis]])
         size = float(np.sqrt(np.mean(self.arms[axis] ** 2)))
@@ -473,6 +511,46 @@ class _Terms:
             noise=windows.noise(ORDER)[:, axis] * float(np.mean(weights**2)),
         )
 
+    def _motion(self, current: tuple[float, float]) -> _Motion:
+        """Integrate the velocities relative to the water, and their products, over the windows.
+
+        Args:
+            current: Velocity of the water north and east, in addition to the file's current [m/s].
+        """
+        windows, (_, turns) = self.windows, self.steady
+        nu = windows.nu[windows.rows].copy()
+        nu[:, :3] -= np.einsum("kji,j->ki", self.turned[:, :2], current)
+        v = nu[:, :3]
+        found = windows.sums(np.hstack([v, np.abs(v) * v, _products(nu, MIXED), _products(nu, LINEAR)]))
+        return _Motion(
+            size=np.sqrt(np.mean(nu**2, axis=0)),
+            velocity=np.hstack([found[:, :3], turns[:, :3]]),
+            square=np.hstack([found[:, 3:6], turns[:, 3:6]]),
+            mixed=found[:, 6 : 6 + len(MIXED)],
+            linear=found[:, 6 + len(MIXED) :],
+            angular=turns[:, 6:],
+        )
+
+    @cached_property
+    def steady(self) -> tuple[Array, Array]:
+        """Integrals over W windows of signals that do not depend on the current.
+
+        They are 1 and the rotation from body to NED, row by row, (W, 10); then rates, their squares with
+        sign, and their products, (W, 9).
+        """
+        windows = self.windows
+        nu = windows.nu[windows.rows]
+        R, omega = self.turned.reshape(len(nu), 9), nu[:, 3:]
+        found = windows.sums(
+            np.hstack([np.ones((len(nu), 1)), R, omega, np.abs(omega) * omega, _products(nu, ANGULAR)])
+        )
+        return found[:, :10], found[:, 10:]
+
+    @cached_property
+    def measured(self) -> Array:
+        """Measured accelerations, integrated over the windows, (W, 6)."""
+        return self.windows.moved(self.model)
+
     @cached_property
     def turned(self) -> Array:
         """Rotation from body to NED at the rows of the windows, (K, 3, 3)."""
@@ -489,42 +567,63 @@ class _Terms:
         places = 0.5 * np.diag([hull.length, hull.width, hull.height])
         return np.stack([windows.changes(np.cross(rates, place)) for place in places], axis=1)
 
-    def _along(self, axis: int, nu: Array, R: Array) -> Array:
-        """Return nuisance accelerations at the rows of the windows, scaled by their priors, (K, p).
+    def _along(self, axis: int, motion: _Motion) -> Array:
+        """Return the integrals of the nuisance accelerations, scaled by their priors, (W, p).
 
         Args:
             axis: Index of the axis.
-            nu: Velocity relative to the water, (K, 6).
-            R: Rotation from body to NED, (K, 3, 3).
+            motion: Integrals of the motion relative to the water.
         """
         hull, water = self.vehicle.hull, self.vehicle.environment
         length, width, height = hull.length, hull.width, hull.height
         area = np.array([width * height, length * height, length * width])
         third = np.array([max(width, height) ** 4 * length, length**4 * width, length**4 * height]) / 32.0
         quadratic = 0.5 * DRAG * water.water_density * np.concatenate([area, third])  # wrench per nu^2
-        linear = quadratic * (np.sqrt(np.mean(nu**2, axis=0)) + CREEP)
+        linear = quadratic * (motion.size + CREEP)
         weight = self.vehicle.rigid_body.mass * water.gravity
         displaced = self.vehicle.buoyancy.force / water.gravity
-        light, down = self.inverse[axis, axis], R[:, 2, :]
+        light, (still, _) = self.inverse[axis, axis], self.steady
+        one, down = still[:, :1], still[:, 7:]
+        carried = UNSTEADY * still[:, 1:7]  # unknown velocity of the water, north and east, in body axes
         cross = np.full(AXES, CROSS)
         cross[axis] = 1.0
-        carried = UNSTEADY * R[:, :2, :]  # unknown velocity of the water, north and east, in body axes
         lever = 1.0 if axis < 3 else OFFSET * length
         found = [
-            np.full((len(nu), 1), STEADY * self.authority[axis] + light * BALLAST * weight * lever),
-            light * quadratic[axis] * np.abs(nu[:, [axis]]) * nu[:, [axis]],
-            light * cross * np.sqrt(linear[axis] * linear) * nu,
-            light * COUPLED * displaced * (1.0 if axis < 3 else 0.5 * length) * _products(nu, MIXED),
+            (STEADY * self.authority[axis] + light * BALLAST * weight * lever) * one,
+            light * quadratic[axis] * motion.square[:, [axis]],
+            light * cross * np.sqrt(linear[axis] * linear) * motion.velocity,
+            light * COUPLED * displaced * (1.0 if axis < 3 else 0.5 * length) * motion.mixed,
         ]
         if axis < 3:
             found.append(light * BALLAST * weight * down[:, [axis]])
-            found.append(light * linear[axis] * carried[:, :, axis])
+            found.append(light * linear[axis] * carried[:, [axis, 3 + axis]])
         else:
             found.append(light * OFFSET * length * weight * down)
-            found.append(light * CROSS * 0.5 * length * quadratic[:3] * np.abs(nu[:, :3]) * nu[:, :3])
-            found.append(light * COUPLED * displaced * _products(nu, LINEAR))
-            found.append(COUPLED * _products(nu, ANGULAR))
+            found.append(light * CROSS * 0.5 * length * quadratic[:3] * motion.square[:, :3])
+            found.append(light * COUPLED * displaced * motion.linear)
+            found.append(COUPLED * motion.angular)
         return np.hstack(found)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Integrals over W windows of velocities relative to the water, and of their products.
+
+    Attributes:
+        size: Root mean square of the velocities, (6,).
+        velocity: The velocities, (W, 6).
+        square: Their squares with the sign of the velocity, (W, 6).
+        mixed: Products of linear and angular velocities, (W, 9).
+        linear: Products of two linear velocities, (W, 3).
+        angular: Products of two angular velocities, (W, 3).
+    """
+
+    size: Array
+    velocity: Array
+    square: Array
+    mixed: Array
+    linear: Array
+    angular: Array
 
 
 def _products(nu: Array, pairs: Sequence[tuple[int, int]]) -> Array:

@@ -83,6 +83,13 @@ class Preprocessed:
         """Return the recording with its command columns as the audit corrected them, accepted as right."""
         return replace(self, audit=None)
 
+    def audited(self, found: ThrusterAudit | None) -> Preprocessed:
+        """Return the recording with its audit, and with all that was computed from it for the audit."""
+        whole = replace(self, audit=found)
+        vars(whole).update({name: vars(self)[name] for name in ("sensors", "lateness") if name in vars(self)})
+        whole._shots.update(self._shots)
+        return whole
+
     @property
     def track(self) -> Array:
         """Positions [m] and times [s] along the recording, (N, 4)."""
@@ -148,7 +155,7 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     timely = on_time(log.record, plain.lateness)
     found = audit(vehicle, timely, beside=None if hull is None else _beside(vehicle, plain, hull))
     if found is None or not found.wrong:
-        return replace(plain, audit=found)
+        return plain.audited(found)
     ordered = _ordered(vehicle, log, found.wiring)
     if hull is not None and not _predicts_better(vehicle, ordered, plain, hull):
         return plain  # the hull-force model misled the audit

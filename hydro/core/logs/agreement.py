@@ -73,17 +73,16 @@ def windows(times: Sequence[Array], dt: float) -> list[Array]:
 
 def testable(given: LogMap) -> Mask:
     """Return a mask of the components of translation and rotation that a log can test, (6,)."""
-    placed, turned = given.position, given.attitude is not None
-    level = placed is not None and bool(placed.columns)
-    moves = turned and given.velocity is not None and placed is not None
-    spins = turned and given.rates is not None
-    return np.array([moves and level, moves and level, moves, spins, spins, spins])
+    moves, spins = tested(given)
+    level = moves and given.position is not None and bool(given.position.columns)
+    return np.array([level, level, moves, spins, spins, spins])
 
 
 def tested(given: LogMap) -> tuple[bool, bool]:
     """Return whether a log can test any component of translation, and of rotation."""
-    both = testable(given)
-    return bool(both[:3].any()), bool(both[3:].any())
+    turned = given.attitude is not None
+    moves = turned and given.velocity is not None and given.position is not None
+    return moves, turned and given.rates is not None
 
 
 class Evidence:
@@ -143,11 +142,18 @@ class Evidence:
             return gather(as_given)
 
         @cache
+        def moved(unframed: Attitude, body: str, block: Velocity, rule: str) -> Array:
+            # along the attitude's own world axes, which a frame of the world then permutes without rounding
+            given = velocity(block) @ conventions.AXES[body]
+            return self.mean(np.einsum("wkij,wkj->wki", own_attitude(unframed), given), rule)
+
+        @cache
         def moving(attitude_block: Attitude, block: Velocity, rule: str) -> Array:
-            given = velocity(block)
-            if block.frame in BODIES:
-                given = np.einsum("wkij,wkj->wki", attitude(attitude_block), given)
-            return self.mean(given, rule)
+            if block.frame not in BODIES:
+                return self.mean(velocity(block), rule)
+            unframed = msgspec.structs.replace(attitude_block, **UNFRAMED)
+            along = moved(unframed, attitude_block.body, block, rule)
+            return np.asarray(along @ conventions.AXES[attitude_block.world].T)
 
         @cache
         def spinning(block: Rates) -> Array:
@@ -228,8 +234,15 @@ class Evidence:
         Args:
             given: Map that reads the log.
         """
-        shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
-        return np.where(tested(given), shares, SETTLED)
+        moves, spins = tested(given)
+        found = np.full(2, SETTLED)
+        if moves and given.position is not None:
+            error, motion = _rms(self.translation(given, "trapezoid")), self.travelled(given.position)
+            found[0] = np.hypot(error, RESOLUTION[0]) / np.hypot(motion, RESOLUTION[0])
+        if spins and given.attitude is not None and given.rates is not None:
+            error = self.rotation_error(given.attitude, given.rates, "trapezoid")
+            found[1] = np.hypot(error, RESOLUTION[1]) / np.hypot(self.turned(given.attitude), RESOLUTION[1])
+        return found
 
     def motion(self, given: LogMap) -> Array:
         """Return the RMS rates of position [m/s] and attitude [rad/s], (2,)."""
@@ -268,7 +281,7 @@ class Evidence:
 
     def misfit(self, given: LogMap) -> float:
         """Return one measure of how badly a reading fits: the mean logarithm of both `shares`."""
-        return float(np.log(self.shares(given)).mean())
+        return 0.5 * float(np.log(self.shares(given)).sum())
 
     def upright(self, block: Attitude | None) -> bool:
         """Return whether the vehicle's down axis mostly points down; True without an attitude."""

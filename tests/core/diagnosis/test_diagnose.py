@@ -37,7 +37,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
 CURRENT = {"name": "ocean_current", "v_N": 0.25, "v_E": -0.15, "v_D": 0.0}
-ROWS = 1200  # of each of two sessions, 48 s at 50 Hz in all
+ROWS = 1000  # of each of two sessions, 40 s at 50 Hz in all
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_a_contradicted_known_value_is_reported_but_not_refitted(known):
     """Quadratic damping a quarter wrong and held as known: no values for `add`, but which they would be."""
     wrong = misjudged(known)
     held = (t | {"known": t["name"] == "quadratic_damping"} for t in wrong.effect)
-    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=700))
+    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=500))
     (told,) = (one for one in found.findings if one.effect == "quadratic_damping")
     assert (told.verdict, dict(told.parameters)) == ("retune", {})
     assert told.share > 0.9
@@ -231,7 +231,7 @@ def test_a_strong_current_is_found_by_a_restart_from_the_file(datasets):
     file = files.read(datasets / "vehicles" / "remus100.toml")[0]
     true, parts = CURRENT | {"v_N": -0.6, "v_E": 0.6}, []
     for seed, session in enumerate("ab"):
-        rng, t = np.random.default_rng(seed), np.arange(1500) * 0.02
+        rng, t = np.random.default_rng(seed), np.arange(1000) * 0.02
         fins = {
             f"cmd_{i}": 0.3 * np.sin(2 * np.pi * rng.uniform(0.03, 0.15) * t + rng.uniform(0, 6))
             for i in range(2, 6)
@@ -453,7 +453,7 @@ def test_a_small_sensor_error_does_not_end_the_search(known):
     arm = {"name": "sensor_lever_arm", "r": [0.12, -0.12, 0.1]}
     cable = {"name": "tether", "k": 6.0, "slack": 2.3, "attachment": [0.15, -0.17, -0.04]}
     hidden = hiding(known, arm, cable | {"anchor": [1.3, -2.0, 4.0]})
-    found = diagnose(misjudged(known), recorded(hidden, rows=2500))
+    found = diagnose(misjudged(known), recorded(hidden, rows=1800))
     named = {one.effect: one for one in found.findings if one.verdict == "missing"}
     assert named.keys() == {"sensor_lever_arm", "tether"}
     assert named["sensor_lever_arm"].share < 0.25 < named["tether"].share

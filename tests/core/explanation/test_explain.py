@@ -104,10 +104,10 @@ def test_a_thrust_curve_is_added_together_with_the_buoyancy_that_it_balances(kno
 
 @pytest.fixture(scope="module")
 def study(known) -> list[Step]:
-    """Two effects hidden in 64 s; 32 s held out."""
+    """Two effects hidden in 48 s; 24 s held out."""
     true = extended(known, [CURRENT, WEAK])
-    raw = pl.concat([flown(true, seed) for seed in (1, 2)])
-    return list(explain(known, raw, holdout=flown(true, 3)))
+    raw = pl.concat([flown(true, seed, 24.0) for seed in (1, 2)])
+    return list(explain(known, raw, holdout=flown(true, 3, 24.0)))
 
 
 @pytest.mark.slow
