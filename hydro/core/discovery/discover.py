@@ -176,7 +176,7 @@ class Discovery:
 
     def _new_terms(self, choice: Choice) -> int:
         """Return the number of terms in a formula that the vehicle file does not have."""
-        return _count(choice.model.vehicle) - _count(self.baseline.vehicle)
+        return len(_terms(choice.model.vehicle)) - len(_terms(self.baseline.vehicle))
 
     def added(self, choice: Choice, tried: Choice) -> Choice:
         """Return the accepted formula `tried`, as `selection.grow` needs it."""
@@ -323,7 +323,9 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
     choice = replace(data, known=known).fitted(choice.model.vehicle, ITERATIONS)
-    return _found(vehicle, first, choice)
+    fit = choice.model.estimated()
+    findings = (_formula(first, choice, fit), *_retuned(vehicle, fit))
+    return Found(findings, fit, choice.model.normal.chi2)
 
 
 def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
@@ -337,14 +339,6 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
     data = Discovery(baseline, known.releasing(FORMULA.name), parts)
     first = Choice(refitted, data.transferred(refitted))
     return replace(data, first=first), first
-
-
-def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
-    """Return the formula as a finding, with the effects of the file whose values change with it."""
-    model = choice.model
-    fit = model.estimated()
-    findings = (_formula(first, choice, fit), *_retuned(file, fit))
-    return Found(findings, fit, model.normal.chi2)
 
 
 def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
@@ -434,8 +428,3 @@ def _terms(vehicle: Vehicle) -> list[dict[str, Any]]:
     """Return the formula of a vehicle as one table per term."""
     tables = vehicle.effects(FORMULA.name)
     return [one_term(*one) for table in tables for one in amounts(table)]
-
-
-def _count(vehicle: Vehicle) -> int:
-    """Return the number of terms in the formula of a vehicle."""
-    return len(_terms(vehicle))
