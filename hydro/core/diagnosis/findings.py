@@ -402,13 +402,15 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
     """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion.
 
     A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
-    weak thrusters and too small an inertia in the file predict the same motion.
+    weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
+    most DOUBTFUL.
 
     Args:
-        finding: Any finding; only confirmed thruster gains are changed.
+        finding: Any finding; only confirmed and unconfirmed thruster gains are changed.
         record: Recording.
     """
-    if finding.verdict not in LACKING or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
+    doubted = finding.verdict in (*LACKING, "suspect") and finding.effect == THRUSTER_GAIN.name
+    if not doubted or record.shows(HORIZONTAL):
         return finding
     sure, words = min(finding.confidence, DOUBTFUL), f"{BY_RATES_ALONE}; {finding.advice}"
     return replace(finding, verdict="suspect", confidence=sure, advice=words)

@@ -36,3 +36,13 @@ def test_a_gain_is_stated_only_if_sensors_show_both_force_and_moment(sampled, ve
     other = replace(GAIN, effect="ocean_current")
     assert doubted_gain(other, replace(record, seen=seen)) == other
     assert doubted_gain(GAIN, record) == GAIN
+
+
+def test_an_unconfirmed_gain_is_no_more_likely_than_a_confirmed_one_that_is_doubted():
+    vehicle = damped()
+    record = recording(vehicle, moved(vehicle, seed=3, rows=200))
+    rates = replace(record, seen=np.tile(np.isin(POSE + VELOCITY, ["z", "p", "q", "r"]), (record.rows, 1)))
+    for before, after in ((0.71, DOUBTFUL), (0.2, 0.2)):
+        found = doubted_gain(replace(GAIN, verdict="suspect", confidence=before), rates)
+        assert (found.verdict, found.confidence) == ("suspect", after)
+        assert found.advice.startswith("rates alone show thrust only relative to the inertia")
