@@ -19,7 +19,7 @@ import scipy
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
-from hydro.core.diagnosis.confidence import folds, lead_confidence, stated
+from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated
 from hydro.core.diagnosis.contenders import (
     Compared,
     Contender,
@@ -28,14 +28,14 @@ from hydro.core.diagnosis.contenders import (
     fitted_together,
     with_hull_response,
 )
-from hydro.core.diagnosis.findings import Finding, Result, extended, limited_confidence
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
 from hydro.core.diagnosis.settings import (
-    CHANCE,
+    ABSORBED,
     CHANGED,
     DOUBTFUL,
     FURTHER,
@@ -47,7 +47,6 @@ from hydro.core.diagnosis.settings import (
     RIGHT,
     SURE,
     SUSPECT_SPREAD,
-    UNKNOWN,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import listed
@@ -61,10 +60,10 @@ from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.progress import Progress, part
-from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations
 from hydro.core.residual.joint_posterior import joint_posterior
+from hydro.core.residual.recomputed import Recomputed
 from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
@@ -204,12 +203,12 @@ class ByChange:
         )
         return were_there_before(self.compared, self.file, plain)
 
-    def result(self, changes: Changes, findings: Sequence[Finding]) -> Result:
+    def diagnosis(self, changes: Changes, findings: Sequence[Finding]) -> Diagnosis:
         """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
         last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
         tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
         chi2 = (self.given, self.given, self.compared.chi2(last))
-        return Result(extended(last.vehicle, tables), chi2, candidates=tried)
+        return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2, candidates=tried)
 
     def _sensor_findings(self) -> list[Finding]:
         """Return the errors of the velocity sensor as findings."""
@@ -326,7 +325,7 @@ class Change:
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
-        by_chance = CHANCE * (1.0 + removed) + UNKNOWN * beyond
+        by_chance = MATERIAL * (1.0 + removed) + ABSORBED * beyond
         return self.wins()[self.best.effect] * lead_confidence(*self.leads, by_chance)
 
     def seen(self, further: bool) -> bool:
@@ -338,17 +337,6 @@ class Change:
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
-
-    def interval(self, seed: int = 1) -> tuple[float, float]:
-        """Return the 95 % interval of `score`, by resampled shots.
-
-        Args:
-            seed: Seed of the resamples.
-        """
-        both = np.column_stack([self.whole - self.best.costs, self.whole])
-        drawn = weights(len(both), RESAMPLES, seed) @ both
-        low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [0.025, 0.975])
-        return float(min(low, self.score)), float(max(high, self.score))
 
     def wins(self, seed: int = 0) -> dict[str, float]:
         """Return the share of the resamples in which each rival is the best, in descending order.
@@ -476,7 +464,7 @@ def _finding(
         words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
     if known:
-        own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == name]
+        own = fit.free.places(name)
         entries = [fit.free.entries[i] for i in own]
         greatest = greatest_change(file, entries, fit.values[own])
         words = f"{advice.having_changed(name, greatest)}; {words}"
@@ -488,8 +476,7 @@ def _finding(
         "retune" if known else "missing",
         name,
         (name,),
-        change.score,
-        *change.interval(),
+        *explained_share(change.whole - change.best.costs, change.whole, 1),
         confidence=min(sure, most),
         parameters=parameters,
         standard_errors=errors,
@@ -516,7 +503,7 @@ def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
     """
     if is_curved(effect) and not file.effects(effect):
         return 1.0
-    own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
+    own = fit.free.places(effect)
     away = fit.values[own] - in_file(file, [fit.free.entries[i] for i in own])
     squared = away @ np.linalg.solve(fit.covariance[np.ix_(own, own)], away)
     return float(scipy.special.expit(0.5 * squared - len(own)))
@@ -564,7 +551,7 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
-    problem = AskedAnew.of(compared.hull, Transitions.of(candidate(vehicle), shots))
+    problem = Recomputed.of(compared.hull, Transitions.of(candidate(vehicle), shots))
     normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))

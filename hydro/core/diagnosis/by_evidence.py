@@ -23,8 +23,8 @@ from hydro.core.diagnosis.confidence import (
 )
 from hydro.core.diagnosis.findings import (
     STATED,
+    Diagnosis,
     Finding,
-    Result,
     extended,
     limited_confidence,
     with_implausible,
@@ -41,6 +41,7 @@ from hydro.core.diagnosis.settings import (
     LEAST_EVIDENCE,
     MATERIAL,
     NEARLY_EQUAL,
+    QUICK_STEPS,
     SHOTS,
     SIMILAR,
     SMALL_STEP,
@@ -134,13 +135,13 @@ class ByEvidence:
             found[0] = replace(found[0], advice=f"{found[0].advice}; {words}")
         return [with_implausible(finding, baseline.vehicle) for finding in found]
 
-    def result(self, named: Named, findings: Sequence[Finding]) -> Result:
+    def diagnosis(self, named: Named, findings: Sequence[Finding]) -> Diagnosis:
         """Return the fit of the named change; no experiment is planned, because no model is right."""
         models, fit = (self.baseline.given, named.refitted, named.model), named.fit
         given, refitted, found = (model.normal.chi2 for model in models)
         vehicle = fit.vehicle if fit else named.model.vehicle
         estimates, tried = fit.estimates() if fit else None, tuple(_candidates(named))
-        return Result(vehicle, (given, refitted, found), estimates, candidates=tried)
+        return Diagnosis(tuple(findings), vehicle, (given, refitted, found), estimates, candidates=tried)
 
 
 def _candidates(named: Named) -> Iterator[Candidate]:
@@ -250,7 +251,10 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
             found.append((rival, held, prior))
     found.sort(key=lambda one: -one[1].evidence)
     for number, (rival, held, prior) in enumerate(found):
-        best = allowance.refined(rival.model.unknown, held, prior) if number < CONTENDERS else held
+        best = held
+        if number < CONTENDERS:
+            gain = MATERIAL * LEAST_EVIDENCE
+            best = allowance.refined(rival.model.unknown, held, prior, QUICK_STEPS, gain)
         rivals.append(replace(rival, evidence=rival.beyond * (best.evidence - alone), allowed=best))
     rivals.sort(key=lambda rival: -rival.evidence)
     if not rivals or not LEAST_EVIDENCE <= rivals[0].evidence < np.inf:
@@ -265,7 +269,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
         fit: Values of a physically possible vehicle, in which an effect may vanish.
         effect: Name of the effect.
     """
-    own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
+    own = fit.free.places(effect)
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
     return bool((sizes > SMALL_STEP).any())
 
@@ -278,7 +282,7 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
         fine: Shots with that noise.
     """
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
-    names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
+    names = model.unknown.effects
     if not names:
         return unfitted(model.vehicle, problem)
     return fit_model(model.vehicle, names, problem, np.zeros((1, 3)), 0)
@@ -287,7 +291,7 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
 def _moved(rival: Rival, baseline: Baseline) -> bool:
     """Return whether a fit moves an existing effect FAR_FROM_PRIOR standard deviations from the file."""
     unknown = rival.model.unknown
-    own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
+    own = unknown.places(rival.effect)
     entries = [unknown.entries[i] for i in own]
     return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= FAR_FROM_PRIOR
 
@@ -304,7 +308,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     """
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
-        names = list(dict.fromkeys(entry.effect for entry in own.entries))
+        names = own.effects
         return fit_model(own.at(rival.values), names, baseline.problem, reach, 0)
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
@@ -408,7 +412,7 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
         fit: Values and standard errors.
         words: Advice.
     """
-    pieces = max(block_length(model.normal.score), 1)
+    pieces = block_length(model.normal.score)
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     values, errors = fit.table(rival.effect)
     return Finding(

@@ -32,7 +32,7 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.findings import Finding, Result, limited_confidence, with_implausible
+from hydro.core.diagnosis.findings import Diagnosis, Finding, limited_confidence, with_implausible
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
@@ -84,12 +84,13 @@ class ByLikelihood:
         baseline = self.search.baseline
         return [with_implausible(one, baseline.vehicle) for one in verdicts(baseline, outcome)]
 
-    def result(self, outcome: Outcome, findings: Sequence[Finding]) -> Result:
+    def diagnosis(self, outcome: Outcome, findings: Sequence[Finding]) -> Diagnosis:
         """Return the joint fit, with the rivals of uncertain findings as open questions."""
         baseline, fit = self.search.baseline, outcome.fit
         models = (baseline.given, baseline.refitted, outcome.model)
         given, refitted, found = (model.normal.chi2 for model in models)
-        return Result(
+        return Diagnosis(
+            tuple(findings),
             fit.vehicle if fit else baseline.vehicle,
             (given, refitted, found),
             fit.estimates() if fit else None,
@@ -280,7 +281,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     """
     log, model, effect = baseline.log, outcome.model, found.effect
     without = outcome.without[effect]
-    pieces = max(block_length(model.normal.score), 1)
+    pieces = block_length(model.normal.score)
     share, low, high = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
     tied = selection_frequency(found.rivals, effect)
     fit = _joint(outcome)
@@ -317,7 +318,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
 
 def _change(effect: str, baseline: Baseline, model: Model) -> Change:
     """Return the component of an existing effect that a model moves farthest, relative to its prior."""
-    own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
+    own = model.unknown.places(effect)
     return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
@@ -362,7 +363,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     matrix = model.normal.matrix.sum(axis=0)
     blocks = len(model.normal.gram) // block_length(model.normal.score)
     for name in filter(baseline.vehicle.effects, baseline.effects):
-        entries = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
+        entries = model.unknown.places(name)
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)

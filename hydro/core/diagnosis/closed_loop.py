@@ -18,21 +18,20 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
-from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.findings import STATED, Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.settings import (
     DISTINCT,
     NEARLY_EQUAL,
     STEADY_SECONDS,
 )
-from hydro.core.diagnosis.unexplained import WRENCH, steadily_disturbed, wrenches_of_pulls
+from hydro.core.diagnosis.unexplained import WRENCH, with_steady_wrenches
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
 from hydro.core.identification.prior import in_file
 from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.prediction.output_error import OutputError
-from hydro.core.recording.feedback import Feedback, feedback
-from hydro.core.vehicle.frames import rotation_from_quaternion
+from hydro.core.recording.feedback import feedback
 
 DISTURBANCES = tuple(name for name, one in CATALOGUE.items() if one.family == "surroundings")
 """Effects to which a controller reacts."""
@@ -61,7 +60,8 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
     if not seen.closed:
         return list(findings)
     own = own_shares(baseline, outcome.model)
-    return [*(_judged(one, own) for one in findings), _warning(seen)]
+    warning = Finding("closed_loop", advice=ADVICE.format(words=seen.words(), stretch=STEADY_SECONDS))
+    return [*(_judged(one, own) for one in findings), warning]
 
 
 def _judged(finding: Finding, own: dict[str, float]) -> Finding:
@@ -74,7 +74,7 @@ def _judged(finding: Finding, own: dict[str, float]) -> Finding:
         own: Share of each effect that remains with steady wrenches free, see `own_shares`.
     """
     share = own.get(finding.effect, 1.0)
-    if finding.verdict not in ("missing", "retune", "cannot_tell_apart") or share >= NEARLY_EQUAL:
+    if finding.verdict not in STATED or share >= NEARLY_EQUAL:
         return finding
     words = f"{finding.advice}; {IMITATES.format(share=1.0 - share)}"
     if finding.verdict == "retune":
@@ -87,11 +87,6 @@ def _judged(finding: Finding, own: dict[str, float]) -> Finding:
             advice=words,
         )
     return stated(replace(finding, confidence=finding.confidence * share, advice=words))
-
-
-def _warning(seen: Feedback) -> Finding:
-    """Return the warning that the recording was made under feedback."""
-    return Finding("closed_loop", advice=ADVICE.format(words=seen.words(), stretch=STEADY_SECONDS))
 
 
 def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
@@ -115,10 +110,10 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
     total = left.sum(axis=0)
     spread = np.linalg.inv(total[:-1, :-1] + PRIOR**-2 * np.eye(len(entries)))
     after, found = step + spread @ total[:-1, -1], dict[str, float]()
-    for name in dict.fromkeys(entry.effect for entry in entries):
+    for name in model.unknown.effects:
         if CATALOGUE[name].family in ("surroundings", "restoring", "sensor"):
             continue
-        of = [i for i, entry in enumerate(entries) if entry.effect == name]
+        of = model.unknown.places(name)
         known = np.linalg.inv(spread[np.ix_(of, of)])
         told = float(after[of] @ known @ after[of]) / len(of)
         stays = float(after[of] @ known @ step[of]) / max(float(step[of] @ known @ step[of]), 1e-300)
@@ -139,18 +134,10 @@ def _with_wrenches(model: Model) -> Array:
         stretches, (B, 7 + P, 7 + P).
     """
     problem = cast(OutputError, model.problem)
-    changed, steps = moved(model.unknown, model.values)
-    pulls = list(steadily_disturbed(model.vehicle))
-    normal = problem.linearise(model.vehicle, [*pulls, *changed], [*[1.0] * len(pulls), *steps])
-    kept = ~normal.lost
-    turned = wrenches_of_pulls(rotation_from_quaternion(problem.shots.first[kept, 3:7]))
-    rest = len(steps) + 1
-    mix = np.zeros((len(turned), len(pulls) + rest, WRENCH + rest))
-    mix[:, : len(pulls), :WRENCH] = turned
-    mix[:, len(pulls) :, WRENCH:] = np.eye(rest)
-    gram = mix.transpose(0, 2, 1) @ normal.gram[kept] @ mix
     shots, record = problem.shots, problem.shots.record
+    normal = with_steady_wrenches(problem, model.vehicle, *moved(model.unknown, model.values))
+    kept = ~normal.lost
     place = record.t[shots.starts[kept]] // STEADY_SECONDS
     key = np.column_stack([shots.segment[kept], place])
     begins = np.flatnonzero(np.r_[True, (np.diff(key, axis=0) != 0).any(axis=1)])
-    return np.asarray(np.add.reduceat(gram, begins, axis=0))
+    return np.asarray(np.add.reduceat(normal.gram[kept], begins, axis=0))

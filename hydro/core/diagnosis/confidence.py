@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.findings import LACKING, Finding
 from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
     CHANGED,
@@ -101,10 +101,10 @@ def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> t
     Args:
         gain: Squared residual explained in each of S shots, (S,).
         excess: Squared residual beyond the noise in each shot, (S,).
-        pieces: Number of shots in a block, which is resampled as a whole.
+        pieces: Number of shots in a block, at least 1, which is resampled as a whole.
         seed: Seed of the weights.
     """
-    blocks = block_sums(np.column_stack([gain, excess]), max(pieces, 1))
+    blocks = block_sums(np.column_stack([gain, excess]), pieces)
     drawn = weights(len(blocks), RESAMPLES, seed) @ blocks
     ratio = np.clip(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-9), 0.0, 1.0)
     middle = float(np.clip(gain.sum() / max(excess.sum(), 1e-9), 0.0, 1.0))
@@ -179,8 +179,8 @@ def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: fl
     return costs
 
 
-def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> tuple[float, float, float]:
-    """Return the share of the error of held-out sessions that a rival removes, with its 95 % interval.
+def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> float:
+    """Return the share of the error of held-out sessions that a rival removes, 0 to 1.
 
     Args:
         first: Model without the rival, its existing effects fitted.
@@ -190,8 +190,8 @@ def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> tuple[fl
     fold = folds(session)
     before, after = left_out_costs(first, fold), left_out_costs(rival, fold)
     both = np.isfinite(before) & np.isfinite(after)
-    gain, excess = (before - after)[both], (before - first.normal.freedoms)[both]
-    return explained_share(gain, excess, block_length(rival.normal.score[both]))
+    gain, excess = (before - after)[both].sum(), (before - first.normal.freedoms)[both].sum()
+    return float(np.clip(gain / max(excess, 1e-9), 0.0, 1.0))
 
 
 def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
@@ -205,10 +205,10 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
         model: Model with the effect.
         session: Number of each shot's session, (S,).
     """
-    own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
+    own = model.unknown.places(effect)
     before = Fitted(without.normal.of([]), np.zeros(0))
     after = Fitted(model.normal.of(own), np.zeros(len(own)))
-    elsewhere = left_out_share(before, after, session)[0]
+    elsewhere = left_out_share(before, after, session)
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= SIMILAR * min(here, 1.0):
         return ""
@@ -288,7 +288,7 @@ def stated(finding: Finding) -> Finding:
     Of effects that the recording cannot separate, the confidence of the whole group counts.
     """
     group = finding.support if finding.verdict == "cannot_tell_apart" else 1.0
-    if finding.verdict not in ("missing", "cannot_tell_apart") or finding.confidence >= SURE * group:
+    if finding.verdict not in LACKING or finding.confidence >= SURE * group:
         return finding
     return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
 

@@ -21,12 +21,12 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
-    ABSORPTION_PENALTY,
+    ABSORBED,
     ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
-    ENTRY_PENALTY,
     FIT,
+    NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
     SUSPECT_SPREAD,
@@ -41,13 +41,13 @@ from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress
-from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
+from hydro.core.residual.recomputed import Recomputed
 from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
-ASKED = ("flow", "sensor")
+CHANGE_FLOW = ("flow", "sensor")
 """Kinds of effects that change the motion through the water on which the hull force depends."""
 Table = Mapping[str, Any]
 Scored = tuple[float, Table]
@@ -93,7 +93,7 @@ class Contender:
         absorbs = CATALOGUE[self.effect].identification.absorbs
         right = min(one.left for one in rivals) <= RIGHT * floor
         at_stake = min(whole, FIT * floor) if right else whole
-        return ENTRY_PENALTY * at_stake * len(self.model.values) + ABSORPTION_PENALTY * absorbs * floor
+        return NEGLIGIBLE * at_stake * len(self.model.values) + ABSORBED * absorbs * floor
 
 
 @dataclass(frozen=True)
@@ -408,7 +408,7 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
     A vehicle of different mass or drag responds differently to the same hull force.  After a large change,
     the correction with the last vehicle's response leaves several floors, which another effect would absorb.
     """
-    names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
+    names = model.unknown.effects
     for _ in range(QUICK_STEPS // 2):
         tables = [model.vehicle.effects(name)[0] for name in names]
         try:
@@ -435,7 +435,7 @@ def without_needless_entries(compared: Compared, last: Model, whole: Contender) 
     """
     model, count = whole.model, len(whole.model.values)
     curved = is_curved(whole.effect) and not last.vehicle.effects(whole.effect)
-    if count < 2 or curved or CATALOGUE[whole.effect].kind in ASKED:
+    if count < 2 or curved or CATALOGUE[whole.effect].kind in CHANGE_FLOW:
         return whole
     begun = in_file(last.vehicle, model.unknown.entries)
     normal = model.normal.after((begun - model.values) / model.unknown.scales)
@@ -476,10 +476,10 @@ def fitted_together(
         about: Vehicle whose response to the hull force is used; by default that of `last`.
     """
     reach = compared.log.track
-    if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
+    if not any(CATALOGUE[str(table["name"])].kind in CHANGE_FLOW for table in tables):
         problem = compared.corrected(about) if about is not None else last.problem
         return fit_model(last.vehicle, tables, problem, reach, iterations)
     shots = compared.problem.shots
-    anew = AskedAnew.of(compared.hull, Transitions.of(candidate(about or last.vehicle), shots))
-    model = fit_model(last.vehicle, tables, anew, reach, iterations)
+    problem = Recomputed.of(compared.hull, Transitions.of(candidate(about or last.vehicle), shots))
+    model = fit_model(last.vehicle, tables, problem, reach, iterations)
     return replace(model, problem=compared.corrected(model.vehicle))

@@ -16,9 +16,11 @@ import polars.selectors as cs
 from hydro.core import toml_text
 from hydro.core.diagnosis.candidates import Candidate
 from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
+from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
+from hydro.core.recording.arrays import HORIZONTAL, Recording
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -49,7 +51,9 @@ and no effect was found, so that the missing effect is unknown.  `closed_loop` i
 other findings: the commands react to the motion, and an effect may imitate a disturbance.
 """
 
-STATED = ("missing", "retune", "cannot_tell_apart")
+LACKING = ("missing", "cannot_tell_apart")
+"""Verdicts on confirmed effects that the file lacks."""
+STATED = (*LACKING, "retune")
 """Verdicts of confirmed findings: `hydro add` adds their values by default."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts on error that no effect explains."""
@@ -57,6 +61,10 @@ HEADLINE, PREDICTION = "headline", "prediction"
 """Keys of an artefact for the headline, and for the held-out errors before and after."""
 WITH_VALUES = (*STATED, "suspect")
 """Verdicts that have values."""
+BY_RATES_ALONE = (
+    "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
+    "velocity or a position, or measure the inertia"
+)
 
 
 @dataclass(frozen=True)
@@ -181,17 +189,6 @@ class Status:
     def headline(self) -> str:
         """Title and sentences in one line."""
         return f"{self.title}: {' '.join(self.sentences)}" if self.sentences else f"{self.title}."
-
-
-@dataclass(frozen=True)
-class Result:
-    """Final fit of a diagnosis, without its findings: the attributes are those of `Diagnosis`."""
-
-    vehicle: Vehicle
-    chi2: tuple[float, float, float]
-    estimates: Estimates | None = None
-    question: Question | None = None
-    candidates: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -399,6 +396,24 @@ def limited_confidence(
     """
     beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else FAR_FROM_PRIOR)
     return min(confidence, DOUBTFUL) if beyond else confidence
+
+
+def doubted_gain(finding: Finding, record: Recording) -> Finding:
+    """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion.
+
+    A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
+    weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
+    most DOUBTFUL.
+
+    Args:
+        finding: Any finding; only confirmed and unconfirmed thruster gains are changed.
+        record: Recording.
+    """
+    doubted = finding.verdict in (*LACKING, "suspect") and finding.effect == THRUSTER_GAIN.name
+    if not doubted or record.shows(HORIZONTAL):
+        return finding
+    sure, words = min(finding.confidence, DOUBTFUL), f"{BY_RATES_ALONE}; {finding.advice}"
+    return replace(finding, verdict="suspect", confidence=sure, advice=words)
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:

@@ -77,17 +77,12 @@ def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple
         places = [i for i, entry in enumerate(entries) if entry.effect == effect]
         open_ = [i for i in places if errors[i] > UNDETERMINED]
         words = tuple(_words([entries[i] for i in open_]))
-        together = len(open_) > 1 and _together(covariance[np.ix_(open_, open_)]) <= UNDETERMINED
-        if together:
+        mean = covariance[np.ix_(open_, open_)].mean() if len(open_) > 1 else np.inf  # variance of the mean
+        if mean <= UNDETERMINED**2:
             found[effect] = (f"{', '.join(words)} (one from another)",)
         elif 0 < len(open_) < len(places):
             found[effect] = words
     return found
-
-
-def _together(covariance: Array) -> float:
-    """Return the standard error of the mean of some components, from their covariance."""
-    return float(np.sqrt(max(covariance.mean(), 0.0)))
 
 
 def _words(entries: Sequence[Entry]) -> list[str]:

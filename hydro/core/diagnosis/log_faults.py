@@ -13,7 +13,7 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.diagnosis.settings import COMPARED_SECONDS, MOST_SHOTS
+from hydro.core.diagnosis.settings import MOST_SHOTS
 from hydro.core.errors import DataError
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
@@ -159,9 +159,12 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     ordered = _ordered(vehicle, log, found.wiring)
     if hull is not None and not _predicts_better(vehicle, ordered, plain, hull):
         return plain  # the hull-force model misled the audit
+    misdirected = Finding(
+        "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()
+    )
     return replace(
         ordered,
-        faults=(_misdirected(found), *ordered.faults),
+        faults=(misdirected, *ordered.faults),
         wiring=None if found.wiring.is_plain else found.wiring,
         audit=found,
     )
@@ -197,15 +200,13 @@ def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preproces
     return Preprocessed(raw, tracked(vehicle, record), faults, tails=log.tails, sampled=record)
 
 
-def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
+def in_order(raw: pl.DataFrame, wiring: Wiring) -> pl.DataFrame:
     """Return the table with its command columns in the order and with the signs of the vehicle file.
 
     Args:
         raw: Raw table.
-        wiring: Order and signs of the command columns; None if they are those of the file.
+        wiring: Order and signs of the command columns.
     """
-    if wiring is None:
-        return raw
     return raw.with_columns(
         (sign * pl.col(command_column(column))).alias(command_column(i))
         for i, (column, sign) in enumerate(wiring.drives())
@@ -241,14 +242,10 @@ def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocesse
 
 
 def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array:
-    """Return the squared residual of each of S predictions with the hull-force model, (S,)."""
-    shots = log.shots(COMPARED_SECONDS)
+    """Return the squared residual of each of S predictions with the hull-force model, (S,).
+
+    They are half as long as those of a fit: within two seconds, an undamped file turns over with any order.
+    """
+    shots = log.shots(SHOT_SECONDS / 2.0)
     transitions = Transitions.of(candidate(vehicle), shots)
     return np.asarray(hull.acting(vehicle, transitions).linearise(vehicle, [], []).gram[:, -1, -1])
-
-
-def _misdirected(found: ThrusterAudit) -> Finding:
-    """Return the finding that directions or order of the thrusters differ from the file."""
-    return Finding(
-        "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()
-    )

@@ -246,7 +246,7 @@ def _descended(
             unknown, unknown.starts[0], problem, iterations, STEP_GAIN, share, prior, normal
         )
     except np.linalg.LinAlgError as error:
-        effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))
+        effects = ", ".join(unknown.effects)
         raise Diverges(f"no step from the values of {effects} reduces the error") from error
     return Model(unknown, values, problem, normal)
 
@@ -300,7 +300,7 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
     """
     if model.excess < MATERIAL * model.normal.residuals:
         return model
-    names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
+    names = model.unknown.effects
     for values in elsewhere(model.unknown, model.values, problem, reach, model.normal.cost):
         try:
             other = fit_model(model.unknown.at(values), names, problem, reach, ITERATIONS, share)

@@ -23,12 +23,11 @@ from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, s
 from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
 from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
-from hydro.core.diagnosis.findings import Diagnosis, Finding, Result
+from hydro.core.diagnosis.findings import Diagnosis, Finding, doubted_gain
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import unfitted
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.relative_thrust import doubted_gain
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.progress import Progress, part, silent
@@ -59,8 +58,8 @@ class Regime(Protocol[Selection]):
     def findings(self, selection: Selection) -> list[Finding]:
         """Return the findings with their calibrated confidence, and what the recording cannot show."""
 
-    def result(self, selection: Selection, findings: Sequence[Finding]) -> Result:
-        """Return the fitted vehicle, every candidate, and open questions for the next experiment."""
+    def diagnosis(self, selection: Selection, findings: Sequence[Finding]) -> Diagnosis:
+        """Return the findings with the fitted vehicle, every candidate, and questions that stay open."""
 
 
 def diagnose(
@@ -231,10 +230,9 @@ def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
     progress("verdicts", 0.9)
     findings = regime.findings(selection)
     progress("design of the next run", 0.95)
-    result = regime.result(selection, findings)
+    found = regime.diagnosis(selection, [*regime.log.faults, *findings])
     progress("done", 1.0)
-    told, final = (*regime.log.faults, *findings), (result.vehicle, result.chi2, result.estimates)
-    return Diagnosis(told, *final, result.question, result.candidates)
+    return found
 
 
 def answered(

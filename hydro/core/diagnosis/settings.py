@@ -8,27 +8,29 @@ held-out stretches of the recording that it was learnt from.  The "frozen table"
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+
+from hydro.core.residual import limits
 
 # Shots, parts of a recording and resamples
 
 MOST_SHOTS = 600
 """Maximum number of shots of one recording: it bounds the time of a fit."""
-COMPARED_SECONDS = 1.0
-"""Length of the predictions that compare two orders of the command columns [s]: within two seconds, an
-undamped file turns over with any order."""
 SHOTS = 96
 """Number of shots of a repeated fit, and of all fits above FAR_FROM_NOISE: four times as many change an error
 by less than 1 %.  A first comparison of many candidates uses half of them."""
-LEAST_SHOTS = 16
+LEAST_SHOTS = limits.LEAST_SHOTS
 """Minimum number of shots of a diagnosis."""
 LEAST_SESSIONS = 3
 """Minimum number of sessions for holding out whole sessions."""
 FOLDS = 6
 """Maximum number of stretches of a recording, each held out of one fit, and minimum number of predictions."""
-LEAST_INFORMATION = 1.0 / 3.0
+LEAST_INFORMATION = 1.0 / LEAST_SESSIONS
 """Minimum share of the information on an effect that remains when a part is held out, and of the shots in
-other sessions when sessions are held out: with less, the other data do not determine the fit."""
+other sessions when sessions are held out: that of one of the fewest sessions.  With less, the other data do
+not determine the fit."""
 RESAMPLES = 2000
 """Number of bootstrap resamples: a frequency of 2 % is known to 0.3 %."""
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
@@ -51,16 +53,16 @@ SUSPECT_SPREAD = 2.0
 """Prior standard deviation of the parameters of a candidate effect, in their natural scales about 0."""
 CORRELATED = 10.0
 """Number of correlated residuals of a shot that count as one where a model is wrong."""
-FAR_FROM_PRIOR = 2.0
+FAR_FROM_PRIOR = limits.WITHIN
 """Distance beyond which a value contradicts its prior, in standard deviations from the file's value, or in
 half widths from the middle of the plausible range, whose ends are uncertain by about that much."""
 
 # Mean squared residuals
 
-RIGHT = 2.0
+RIGHT = limits.RIGHT
 """Maximum residual of a model that may be right, in units of the noise or in floors: then likelihood names
 effects.  A fit whose cost on other data exceeds its own by this ratio is repeated or dropped."""
-FIT = 3.0
+FIT = limits.FIT
 """Maximum residual of an acceptable fit, in units of the noise or in floors.  Above it, candidates of a
 change also start from several points, and the closest fits continue.  A first fit is not refined where its
 error exceeds the best by this ratio."""
@@ -71,9 +73,9 @@ FAR_FROM_NOISE = 1000.0
 
 CONTENDERS = 5
 """Number of candidates that are always fitted or tested in one round, and half the maximum number of fits of
-a round where none is right: it bounds the time."""
-CLOSEST = 3
-"""Number of the best candidates that are fitted to convergence or reported: it bounds the time."""
+a round where none is right, or of terms that are tested on held-out data: it bounds the time."""
+CLOSEST = (CONTENDERS + 1) // 2
+"""Number of the best candidates that are fitted to convergence or reported: the better half of CONTENDERS."""
 MOST_FINDINGS = 4
 """Maximum number of effects of one search: it bounds the time.  In the frozen table only two searches of
 imperfect hulls reach it, with a right name first and wrong ones after it."""
@@ -81,14 +83,22 @@ imperfect hulls reach it, with a right name first and wrong ones after it."""
 # Size of a finding
 
 MATERIAL = 0.05
-"""Minimum share of an error, of the noise or of a floor that is worth a finding, a term or a further
-search."""
+"""Minimum share of an error, of the noise or of a floor that is worth a finding, a term or a further search.
+So the error of the hull model gives a mean lead of MATERIAL floors by chance, and the formulas of earlier
+changes one of MATERIAL for each floor that they removed."""
 NEGLIGIBLE = 0.02
 """Share that does not matter, of an error or of the resamples: a smaller rise is no loss, a smaller fall no
-gain, a term that explains less is not kept, and a rival that wins less often is not listed."""
+gain, a term that explains less is not kept, and a rival that wins less often is not listed.  So each
+component costs it when effects are compared: the hull's error is alike on all stretches, so held-out data
+alone do not penalise components that follow it.  A cost of 0.004 adds a wrong statement."""
 FURTHER = 0.2
 """Minimum share of the present error that a further finding explains, and that findings explain on average
 for a search to continue: 0.15 adds two wrong, unconfirmed names in the frozen table."""
+ABSORBED = 0.3
+"""Share of an error of the hull model that an unrelated effect may absorb: mean lead by chance for each floor
+of remaining residual beyond one, and penalty, in floors, of an effect that absorbs all error of a hull
+(`absorbs`).  As the lead, it makes a confident wrong name of an independent simulator a suspect; without the
+penalty, the frozen table has a second wrong statement."""
 VISIBLE = 0.005
 """Minimum share of the whole squared error, noise included, of an effect or of a component.  A smaller gain
 is invisible in a replay.  With 0.012 a thruster at 60 % in a Stonefish log is estimated at 68 %."""
@@ -104,15 +114,8 @@ DISTINCT = 4.0
 candidate on few shots from the best, and an effect from steady wrenches under feedback."""
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
-ENTRY_PENALTY = 0.012
-"""Penalty of each component when effects are compared, as a share of the residual.  The hull's error is alike
-on all stretches, so held-out data alone do not penalise components that follow it; 0.004 adds a wrong
-statement."""
-ABSORPTION_PENALTY = 0.2
-"""Penalty of an effect for the hull-force error that it absorbs (`absorbs`), in floors: without it the frozen
-table has a second wrong statement."""
 NEARLY_EQUAL = 0.7
-"""Ratio from which two shares or scores count as nearly equal."""
+"""Ratio from which two shares or scores count as nearly equal; the likelier effect or term is then first."""
 SIMILAR = 0.5
 """Ratio from which two shares, scores or gains count as of similar size."""
 SIMILAR_CURVED = 0.1
@@ -137,24 +140,13 @@ by transfer although another effect is first or the file has it already.  Also t
 RIGHT_ABOVE = 102.0 / 118.0
 """Share of names by likelihood that were right where a model is not: above 1.35 times the noise, 102 of 118
 (seeds 80000 to 84059).  In the frozen table all five between 1.35 and RIGHT are right."""
-CHANCE = 0.03
-"""Mean lead of the best change by chance, in floors, due to the error of the hull model; again for each floor
-that earlier changes removed, due to errors of their formulas."""
-UNKNOWN = 0.3
-"""Mean lead by chance for each floor of remaining residual beyond one, which any candidate may explain."""
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
-
-# Discovered terms
-
-TERM_SHORTLIST = 30
-"""Number of terms whose transfer is evaluated, ranked by the error that they explain: it bounds the time."""
-UNEVEN_WEIGHT = 0.8
-"""Weight on the gain of a term that a port-starboard symmetric hull cannot have."""
 
 # Steps of an explanation
 
 MOST_STEPS = 6
 """Maximum number of steps of an explanation, and of terms of a formula: it bounds the time."""
-AXIS_LEVEL = 0.05
-"""Probability that any axis is called worse by chance (Holm 1979 over the measured axes)."""
+AXIS_LEVEL = math.erfc(limits.WITHIN / math.sqrt(2.0))
+"""Probability that any axis is called worse by chance (Holm 1979 over the measured axes), that of an error
+beyond two standard deviations: 0.046."""

@@ -97,7 +97,7 @@ class Rival:
     @property
     def entries(self) -> int:
         """Number of parameters of the effect."""
-        return sum(entry.effect == self.effect for entry in self.model.unknown.entries)
+        return len(self.model.unknown.places(self.effect))
 
     @property
     def score(self) -> float:
@@ -208,7 +208,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
     problem = baseline.problem.some(SHOTS // 2)
-    labels = (sessions_of(problem.shots), regimes_of(problem.shots))
+    labels = (folds(problem.shots.session), regimes_of(problem.shots))
     refitted, known = tempered(baseline, problem)
 
     def without(name: str) -> Rival | None:
@@ -290,14 +290,6 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
     return model, Known(baseline.beforehand, max(model.normal.chi2, 1.0))
 
 
-def sessions_of(shots: Shots) -> Rows:
-    """Return the number of the part that each of S shots is held out with, (S,).
-
-    Parts are sessions, or stretches where there are few sessions, see `confidence.folds`.
-    """
-    return folds(shots.session)
-
-
 def regimes_of(shots: Shots) -> Rows:
     """Return the number of the regime of motion of each of S shots, (S,).
 
@@ -371,7 +363,7 @@ def _predicted_together(shots: Shots) -> Rows:
     """
     _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
     enough = len(label) - count.max() >= LEAST_INFORMATION * len(label)
-    return np.asarray(label, np.int64) if enough else sessions_of(shots)
+    return np.asarray(label, np.int64) if enough else folds(shots.session)
 
 
 def _rival(
@@ -387,7 +379,7 @@ def _rival(
         labels: Numbers of the parts to hold out for each of S shots: sessions and regimes, (S,) each.
         own: Whether the file has the effect.
     """
-    new = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
+    new = model.unknown.places(name)
     shares = []
     for fold in labels:
         before = left_out(without, known, fold) if without.unknown.entries else without.costs

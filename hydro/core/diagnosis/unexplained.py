@@ -7,7 +7,7 @@ numbers per shot.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -61,11 +61,9 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     whole = first.excess / max(1.0 - baseline.calmed, 1e-9)  # with the part that waves explain
     if not far and model.excess < max(MATERIAL * whole, MATERIAL * model.normal.residuals):
         return []
-    if not (far or last.significant or (_white(baseline) and _steady_share(model) >= MATERIAL)):
+    if not (far or last.significant or _has_steady_force(baseline, model)):
         return []
-    share, low, high = explained_share(
-        model.excesses, first.excesses, max(block_length(model.normal.score), 1)
-    )
+    share, low, high = explained_share(model.excesses, first.excesses, block_length(model.normal.score))
     where = leftover(model.vehicle, baseline.log.record, baseline.log.sessions)
     words = f"structured error remains that no effect of the catalogue explains: {where.words()}"
     alone = far and not (outcome.found or stated)
@@ -124,31 +122,35 @@ def released(vehicle: Vehicle, name: str) -> Vehicle:
     return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
 
-def _white(baseline: Baseline) -> bool:
-    """Return whether all sensor noise is white, so that no noise is steady over a shot."""
-    weights, log = baseline.problem.shots.sigma, baseline.log
-    return np.array_equal(weights, log.noise) and not drawn(log.record)
+def _has_steady_force(baseline: Baseline, model: Model) -> bool:
+    """Return whether steady forces explain a material residual, and all noise is white.
+
+    Noise that is not white is steady over a shot as well.
+    """
+    log, problem = baseline.log, cast(OutputError, model.problem)
+    if drawn(log.record) or not np.array_equal(baseline.problem.shots.sigma, log.noise):
+        return False
+    return steady_disturbance(with_steady_wrenches(problem, model.vehicle)) >= MATERIAL
 
 
-def _steady_share(model: Model) -> float:
-    """Return the residual that steady forces explain beyond chance, see `steady_disturbance`."""
-    return steady_disturbance(steady_wrenches(cast(OutputError, model.problem), model.vehicle))
-
-
-def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
+def with_steady_wrenches(
+    problem: OutputError, vehicle: Vehicle, changed: Sequence[Vehicle] = (), steps: Sequence[float] = ()
+) -> Normal:
     """Return the problem linearised in six steady wrenches: forces in NED, moments about the body axes.
 
     Args:
         problem: Shots.
         vehicle: Vehicle that predicts the shots.
+        changed: Copies of the vehicle with one changed parameter each, whose columns follow the wrenches.
+        steps: Size of each change.
     """
-    disturbed = list(steadily_disturbed(vehicle))
-    normal = problem.linearise(vehicle, disturbed, [1.0] * len(disturbed))
+    pulls, rest = list(steadily_disturbed(vehicle)), len(steps) + 1
+    normal = problem.linearise(vehicle, [*pulls, *changed], [*[1.0] * len(pulls), *steps])
     turned = wrenches_of_pulls(rotation_from_quaternion(problem.shots.first[:, 3:7]))
-    mix = np.zeros((len(turned), len(disturbed) + 1, WRENCH + 1))
-    mix[:, :-1, :-1], mix[:, -1, -1] = turned, 1.0
+    mix = np.zeros((len(turned), len(pulls) + rest, WRENCH + rest))
+    mix[:, : len(pulls), :WRENCH], mix[:, len(pulls) :, WRENCH:] = turned, np.eye(rest)
     kept = ~normal.lost
-    gram = np.zeros((len(turned), WRENCH + 1, WRENCH + 1))
+    gram = np.zeros((len(turned), WRENCH + rest, WRENCH + rest))
     gram[kept] = mix[kept].transpose(0, 2, 1) @ normal.gram[kept] @ mix[kept]
     gram[~kept, -1, -1] = np.inf
     return replace(normal, gram=gram, follow=normal.follow @ mix)
@@ -197,7 +199,7 @@ def steady_disturbance(normal: Normal) -> float:
     """Return the mean squared residual that steady wrenches explain beyond chance, relative to the rest.
 
     Args:
-        normal: Problem of `steady_wrenches`.
+        normal: Problem of `with_steady_wrenches`.
 
     Returns:
         Ratio to the mean square of what remains; 0 on average where the residual is white noise of any size.

@@ -20,13 +20,14 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
-from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_costs
-from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.diagnosis.confidence import Fitted, explained_share, folds, left_out_costs
+from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.settings import (
     CLOSEST,
+    CONTENDERS,
     FAR_FROM_PRIOR,
     LEAST_INFORMATION,
     MATERIAL,
@@ -37,10 +38,9 @@ from hydro.core.diagnosis.settings import (
     RIGHT,
     SHOTS,
     SMALL_STEP,
-    TERM_SHORTLIST,
     VISIBLE,
 )
-from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, sessions_of, tempered
+from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, tempered
 from hydro.core.discovery.sentences import told
 from hydro.core.discovery.terms import Term, library
 from hydro.core.effects.catalogue import CATALOGUE
@@ -53,9 +53,6 @@ from hydro.core.identification.prior import deviations, greatest_change, in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
 from hydro.core.progress import Progress, part, silent
 from hydro.core.vehicle.description import Vehicle
-
-UNNAMED = ("far_from_noise", "none_of_the_known")
-"""Verdicts of a diagnosis after which a discovery is attempted."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +137,7 @@ class Discovery:
     def shortlist(self, choice: Choice) -> list[Term]:
         """Return the terms that would reduce the held-out error of a formula, the best first.
 
-        Only the TERM_SHORTLIST terms that explain most of the error are tested on held-out data.
+        Only the 2 CONTENDERS terms that explain most of the error are tested on held-out data.
         """
         model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
@@ -179,7 +176,7 @@ class Discovery:
 
     def _new_terms(self, choice: Choice) -> int:
         """Return the number of terms in a formula that the vehicle file does not have."""
-        return _count(choice.model.vehicle) - _count(self.baseline.vehicle)
+        return len(_terms(choice.model.vehicle)) - len(_terms(self.baseline.vehicle))
 
     def added(self, choice: Choice, tried: Choice) -> Choice:
         """Return the accepted formula `tried`, as `selection.grow` needs it."""
@@ -258,7 +255,7 @@ def discovered(
         has a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the
         law of the formula.
     """
-    unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
+    unnamed = any(one.verdict in UNEXPLAINED for one in diagnosis.findings)
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
@@ -326,7 +323,9 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     # The final fit weights the prior by the present reduced chi-square, not by the initial one.
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
     choice = replace(data, known=known).fitted(choice.model.vehicle, ITERATIONS)
-    return _found(vehicle, first, choice)
+    fit = choice.model.estimated()
+    findings = (_formula(first, choice, fit), *_retuned(vehicle, fit))
+    return Found(findings, fit, choice.model.normal.chi2)
 
 
 def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
@@ -336,26 +335,18 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
     baseline = replace(baseline, problem=baseline.problem.some(SHOTS))
     refitted, known = tempered(baseline, baseline.problem)
     shots = baseline.problem.shots
-    folds = (sessions_of(shots), regimes_of(shots))
-    data = Discovery(baseline, known.releasing(FORMULA.name), folds)
+    parts = (folds(shots.session), regimes_of(shots))
+    data = Discovery(baseline, known.releasing(FORMULA.name), parts)
     first = Choice(refitted, data.transferred(refitted))
     return replace(data, first=first), first
-
-
-def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
-    """Return the formula as a finding, with the effects of the file whose values change with it."""
-    model = choice.model
-    fit = model.estimated()
-    findings = (_formula(first, choice, fit), *_retuned(file, fit))
-    return Found(findings, fit, model.normal.chi2)
 
 
 def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
     """Yield a finding for each effect whose values the joint fit moved far from those of the file."""
     entries = fit.free.entries
     change = (fit.values - in_file(file, entries)) / deviations(file, entries)
-    for name in dict.fromkeys(entry.effect for entry in entries):
-        own = [i for i, entry in enumerate(entries) if entry.effect == name]
+    for name in fit.free.effects:
+        own = fit.free.places(name)
         if name == FORMULA.name or not (np.abs(change[own]) > FAR_FROM_PRIOR).any():
             continue
         farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
@@ -373,7 +364,7 @@ def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
     values, errors = fit.table(FORMULA.name)
     removed = first.left - choice.left
     which = int(np.argmin([np.nansum(one) for one in removed]))
-    pieces = max(block_length(model.normal.score), 1)
+    pieces = block_length(model.normal.score)
     both = np.isfinite(removed[which])
     share, low, high = explained_share(removed[which][both], first.left[which][both], pieces)
     words = (
@@ -404,7 +395,7 @@ def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, 
         model: The model.
 
     Returns:
-        At most TERM_SHORTLIST numbers from 0, the best term first.
+        At most 2 CONTENDERS numbers from 0, the best term first.
     """
     matrix, score = normal.matrix.sum(axis=0), normal.score.sum(axis=0)
     held = matrix[:count, :count] + np.diag(known(model.unknown).information)
@@ -413,7 +404,7 @@ def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, 
     size = np.diag(matrix)[count:]
     free = size - np.einsum("ij,ji->i", across, np.linalg.solve(held, across.T)) if count else size
     gain = np.where(free > 1e-6 * size, rest**2 / np.maximum(free, 1e-300), 0.0) * np.array(preferred)
-    return [int(i) for i in np.argsort(-gain)[:TERM_SHORTLIST] if gain[i] > 0.0]
+    return [int(i) for i in np.argsort(-gain)[: 2 * CONTENDERS] if gain[i] > 0.0]
 
 
 def _sizes(vehicle: Vehicle) -> list[float]:
@@ -437,8 +428,3 @@ def _terms(vehicle: Vehicle) -> list[dict[str, Any]]:
     """Return the formula of a vehicle as one table per term."""
     tables = vehicle.effects(FORMULA.name)
     return [one_term(*one) for table in tables for one in amounts(table)]
-
-
-def _count(vehicle: Vehicle) -> int:
-    """Return the number of terms in the formula of a vehicle."""
-    return len(_terms(vehicle))

@@ -13,7 +13,7 @@ from itertools import combinations, permutations
 from typing import Any
 
 from hydro.core.columns import VELOCITY
-from hydro.core.diagnosis.settings import UNEVEN_WEIGHT
+from hydro.core.diagnosis.settings import NEARLY_EQUAL
 from hydro.core.effects.formula import AXES, one_term
 from hydro.core.effects.layout import COMMAND_NAMES
 
@@ -107,4 +107,4 @@ def even(term: Term, *odd: str) -> Term:
     """
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)
-    return Term(term.text, term.powers, UNEVEN_WEIGHT if uneven else term.preferred)
+    return Term(term.text, term.powers, NEARLY_EQUAL if uneven else term.preferred)

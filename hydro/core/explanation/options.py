@@ -12,7 +12,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.findings import STATED, tables
+from hydro.core.diagnosis.findings import LACKING, STATED, tables
 from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.explanation.ladder import Step
@@ -20,8 +20,6 @@ from hydro.core.explanation.with_hull import FLOOR
 
 Table = Mapping[str, Any]
 
-STEP_VERDICTS = ("missing", "cannot_tell_apart")
-"""Verdicts that make a step; new values of existing effects are added with it."""
 SUSPECTED, FAR = "suspect", "far_from_noise"
 """Verdict on an unconfirmed effect, and verdict on a recording whose residual stays far above the noise."""
 
@@ -119,7 +117,7 @@ def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
 
 def _missing(step: Step) -> pl.DataFrame:
     """Return confirmed findings of missing effects, with values, the best first."""
-    stated = pl.col("verdict").is_in(STEP_VERDICTS)
+    stated = pl.col("verdict").is_in(LACKING)
     return step.diagnosis.filter(pl.col("parameters") != "", stated).sort("rank")
 
 

@@ -36,7 +36,7 @@ from hydro.core.diagnosis.settings import (
     QUICK_STEPS,
     SHOTS,
 )
-from hydro.core.diagnosis.transfer import left_out_squares, resolved, sessions_of
+from hydro.core.diagnosis.transfer import left_out_squares, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
@@ -202,7 +202,7 @@ class Recordings:
         """
         if not self.is_far(vehicle):
             problem = OutputError.of(self.problem.shots, vehicle)
-            return promising(vehicle, own, problem, sessions_of(problem.shots), self.log.track)
+            return promising(vehicle, own, problem, folds(problem.shots.session), self.log.track)
         windows, _ = self.windows.reweighted(unfitted(vehicle, self.windows).normal)
         return promising(vehicle, own, windows, folds(windows.session), self.log.track)
 
@@ -541,7 +541,7 @@ def _fit_together(
     fit = settled(model, file)[1]
     if fit is None or model.normal.chi2 <= FIT:
         return fit
-    names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
+    names = model.unknown.effects
 
     def better(fit: Fit, there: Vehicle, problem: OutputError) -> Fit:
         """Return the better of the fit and one to other shots from the values of a vehicle."""

@@ -76,7 +76,7 @@ def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost
 def _curved(unknown: Free) -> list[str]:
     """Return the effects that are not linear, in reverse order of the catalogue."""
     places = {name: place for place, name in enumerate(CATALOGUE)}
-    names = dict.fromkeys(entry.effect for entry in unknown.entries)
+    names = unknown.effects
     return sorted(filter(is_curved, names), key=lambda name: -places[catalogue_name(name)])
 
 

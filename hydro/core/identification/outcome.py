@@ -77,7 +77,7 @@ class Fit:
             values = self._rounded(places)
         errors = np.array([float(f"{error:.3g}") for error in self.standard_errors])
         tables = []
-        for name in dict.fromkeys(entry.effect for entry in self.free.entries):
+        for name in self.free.effects:
             table = effect_table(self.free, name, self.free.within(values))
             replaced = {other: None for other in CATALOGUE[name].one_of if other not in table}
             spread = _errors_of(self.free, name, errors)
@@ -235,7 +235,7 @@ def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[n
 def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
     """Return one line for each effect with undetermined components."""
     lines = []
-    for name in dict.fromkeys(entry.effect for entry in unknown.entries):
+    for name in unknown.effects:
         pairs = zip(unknown.entries, determined, strict=True)
         left = [entry.name for entry, known in pairs if entry.effect == name and not known]
         if left:

@@ -100,6 +100,15 @@ class Free:
         return np.clip(values, *self.bounds)
 
     @property
+    def effects(self) -> list[str]:
+        """Names of the effects with free components, in their order."""
+        return list(dict.fromkeys(entry.effect for entry in self.entries))
+
+    def places(self, effect: str) -> list[int]:
+        """Return the indices of the free components of an effect."""
+        return [i for i, entry in enumerate(self.entries) if entry.effect == effect]
+
+    @property
     def scales(self) -> Array:
         """Scale of each component, (P,)."""
         return np.array([entry.scale for entry in self.entries])

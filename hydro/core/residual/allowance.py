@@ -31,6 +31,7 @@ from hydro.core.prediction.multiple_shooting import (
     residuals,
 )
 from hydro.core.prediction.normal_equations import eliminate
+from hydro.core.prediction.output_error import SHORTER
 from hydro.core.prediction.parameters import Free
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.residual.library import AXES, RESTING, Flow, sizes, terms
@@ -43,11 +44,6 @@ FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
 """Candidate factors on the prior deviations of the coefficients (`residual.library.sizes`)."""
 TEMPERS = np.exp(np.arange(-1.0, 15.0, 0.25))
 """Candidate reduced chi-squares of the model with effect and library."""
-STEPS, WORTH, SHORTER = 6, 0.5, 0.3
-"""Maximum number of Gauss-Newton steps, log evidence that each step must gain, and length of a second try.
-
-The second try shortens a step that gains too little.
-"""
 LEAST = 1e-300  # lower bound of a divisor
 
 
@@ -204,21 +200,24 @@ class Allowance:
         spread = np.asarray(np.linalg.inv(matrix[at]))
         return float(evidence[at]), np.asarray(step[at]), spread, float(TEMPERS[at[1]])
 
-    def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
+    def refined(self, unknown: Free, held: Held, prior: Prior, most: int, gain: float) -> Held:
         """Repeat the linearisation at the most probable values while the evidence grows.
 
-        Effects that are linear in their components need no step.
+        Effects that are linear in their components need no step.  A step that gains too little is shortened
+        once.
 
         Args:
             unknown: The fitted components.
             held: Fit to start from.
             prior: Prior of the values, in scales of the components.
+            most: Maximum number of steps.
+            gain: Minimum gain of log evidence by one step.
         """
-        for _ in range(STEPS):
+        for _ in range(most):
             tried = self.held(unknown, held.best, prior)
-            if tried.evidence <= held.evidence + WORTH:  # the step may exceed the linear range
-                tried = self.held(unknown, held.values + SHORTER * (held.best - held.values), prior)
-            if tried.evidence <= held.evidence + WORTH:
+            if tried.evidence <= held.evidence + gain:  # the step may exceed the linear range
+                tried = self.held(unknown, held.values + SHORTER[0] * (held.best - held.values), prior)
+            if tried.evidence <= held.evidence + gain:
                 break
             held = tried
         return held

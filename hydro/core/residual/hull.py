@@ -18,7 +18,8 @@ from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.forced import ForcedOutputError, displaced_by
 from hydro.core.prediction.multiple_shooting import predict
 from hydro.core.prediction.output_error import OutputError
-from hydro.core.recording.shots import Shots
+from hydro.core.recording.shots import SHOT_SECONDS, Shots
+from hydro.core.residual.limits import FIT, LEAST_SHOTS, RIGHT
 from hydro.core.residual.regression import Regression, learn, robust
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
@@ -27,13 +28,7 @@ STRETCH = 10.0
 """Length of the stretches of a recording that are held out together [s]."""
 FOLDS = 8
 """Number of cross-validation folds; each holds out stretches of every session."""
-ACCEPTABLE = 3.0
-"""Maximum reduced chi-square of an acceptable prediction, as of a diagnosis (`diagnosis.settings.FIT`)."""
-SECOND_ORDER = 2.0
-"""Median squared residual with the simulated force, relative to that with a response of first order, above
-which the response is not of first order.  It is 0.7 to 1.0 for three files that predict two seconds well,
-and 2.5 for a torpedo whose file errs by 0.7 m/s in surge after two seconds."""
-LEAST_SECONDS = 64.0
+LEAST_SECONDS = 2.0 * LEAST_SHOTS * SHOT_SECONDS
 """Minimum total length of the shots from which a hull-force model is learned [s]."""
 
 
@@ -92,7 +87,7 @@ def describes(given: float, left: float) -> bool:
         given: Reduced chi-square of the vehicle file without the model.
         left: Reduced chi-square of held-out stretches with the model.
     """
-    return left <= max(given, ACCEPTABLE)
+    return left <= max(given, FIT)
 
 
 def acting(law: Law, vehicle: Vehicle, transitions: Transitions, simulated: bool) -> OutputError:
@@ -144,7 +139,7 @@ def _of_first_order(vehicle: Vehicle, transitions: Transitions, hull: Hull) -> b
     sigma = hull.sigma * hull.floor
     both = (acting(hull.law, vehicle, transitions, simulated) for simulated in (False, True))
     first, other = (one.weighed(sigma).linearise(vehicle, [], []).gram[:, -1, -1] for one in both)
-    return bool(np.median(other) <= SECOND_ORDER * np.median(first))
+    return bool(np.median(other) <= RIGHT * np.median(first))
 
 
 def _simulated(vehicle: Vehicle, problem: OutputError, hull: Hull, found: Regression) -> Hull:

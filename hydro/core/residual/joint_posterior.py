@@ -34,9 +34,8 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.prediction.normal_equations import Normal, bounded_step
+from hydro.core.residual.limits import WITHIN
 
-HELD = 2.0
-"""Number of standard errors within which widened errors have the same probability as normal errors."""
 SPREADS = np.concatenate([[0.0], np.geomspace(0.01, 2.0, 24)])
 """Candidate prior standard deviations of entries that the search held, in scales, in steps of a quarter.
 
@@ -125,4 +124,4 @@ def widening(parts: Array, freedoms: Array) -> Array:
     """
     total = parts.sum(axis=0)
     freedom = total**2 / np.maximum((parts**2 / freedoms).sum(axis=0), np.finfo(float).tiny)
-    return np.asarray(scipy.special.stdtrit(np.maximum(freedom, 1.0), scipy.special.ndtr(HELD)) / HELD)
+    return np.asarray(scipy.special.stdtrit(np.maximum(freedom, 1.0), scipy.special.ndtr(WITHIN)) / WITHIN)

@@ -20,6 +20,7 @@ from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, cos
 from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.residual.library import AXES, Flow, sizes, terms
+from hydro.core.residual.limits import FIT
 from hydro.core.residual.response import Transitions, rows_of
 from hydro.core.vehicle.description import Vehicle
 
@@ -29,8 +30,6 @@ EVERY = 0.06
 """Time between compared samples [s]: the response to a force is smooth, so not every row is needed."""
 MARGIN = 0.1
 """Allowed extrapolation beyond the range of the training motion, relative to that range."""
-TAIL = 3.0
-"""Squared residual of a shot with half the full weight, in units of the median."""
 
 
 @dataclass(frozen=True)
@@ -175,10 +174,10 @@ def thinning(shots: Shots) -> int:
 def robust(squares: Array) -> Array:
     """Return robust weights of S shots from their squared residuals (S,), 0 to 1, (S,).
 
-    The weights are those of Student's t, relative to the median.  Model errors grow with the motion; without
-    weights, a few violent shots would dominate.
+    The weights are those of Student's t, relative to the median: a shot with FIT times the median has half
+    the full weight.  Model errors grow with the motion; without weights, a few violent shots would dominate.
     """
-    weight: Array = 1.0 / (1.0 + squares / (TAIL * max(float(np.median(squares)), 1e-300)))
+    weight: Array = 1.0 / (1.0 + squares / (FIT * max(float(np.median(squares)), 1e-300)))
     return weight
 
 

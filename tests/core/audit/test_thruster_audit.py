@@ -19,7 +19,7 @@ from hydro.core.audit.momentum_balance import Balance
 from hydro.core.audit.thrusters import audit
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.log_faults import in_order, preprocess
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
@@ -132,7 +132,6 @@ def test_any_subset_of_reversed_thrusters_is_found(log, subset):
 def test_the_other_end_first_is_found(log):
     raw = drawn(log, list(range(N))[::-1], [1] * N)
     assert preprocess(damped(), raw).wiring == Wiring(tuple(range(N))[::-1], (1,) * N)
-    assert in_order(raw, None) is raw
 
 
 def test_swapped_columns_come_with_the_line_of_the_map(log):

@@ -85,9 +85,8 @@ LATE = {"name": "command_delay", "d": 0.02}
 
 def delayed(file, error, **options):
     """The finding of a clear change of the delay to 0.2 s, with a standard error."""
-    entries = free(damped(LATE), ["command_delay"], reach=np.zeros((1, 3))).entries
     fit = SimpleNamespace(
-        free=SimpleNamespace(entries=entries),
+        free=free(damped(LATE), ["command_delay"], reach=np.zeros((1, 3))),
         values=np.array([0.2]),
         covariance=np.array([[error**2]]),
         vehicle=damped(LATE | {"d": 0.2}),
@@ -106,13 +105,10 @@ def test_a_changed_value_within_its_standard_error_is_unconfirmed(error, verdict
 
 def test_values_near_no_change_weigh_against_an_effect():
     """Three values cost three: a current of one standard error is likelier none, one of five is clear."""
-    entries = free(damped(), ["ocean_current", "surface_suction"]).entries
 
     def weight(effect, values, error):
-        own = tuple(one for one in entries if one.effect == effect)
-        fit = SimpleNamespace(
-            free=SimpleNamespace(entries=own), values=np.array(values), covariance=error**2 * np.eye(len(own))
-        )
+        spread = error**2 * np.eye(len(values))
+        fit = SimpleNamespace(free=free(damped(), [effect]), values=np.array(values), covariance=spread)
         return before_.weight_of_values(cast(Any, fit), damped(), effect)
 
     assert weight("ocean_current", [0.04, 0.0, 0.0], 0.04) == pytest.approx(1 / (1 + np.exp(2.5)))

@@ -82,7 +82,7 @@ class Weighing:
     def held(self, unknown, values, prior):
         return SimpleNamespace(evidence=self.evidence[unknown], best=values)
 
-    def refined(self, unknown, held, prior):
+    def refined(self, unknown, held, prior, most, gain):
         return held
 
 
@@ -118,7 +118,7 @@ def test_further_names_have_no_more_confidence_than_the_first():
     """Two that have all but the same evidence: neither is likely, and the better is not the less sure."""
     table = {"v_N": 0.2, "v_E": 0.1}
     vehicle = extended(files.read(VEHICLES / "auv151.toml")[0], [{"name": "ocean_current", **table}])
-    free = SimpleNamespace(entries=[SimpleNamespace(effect="ocean_current")], scales=np.ones(1))
+    free = SimpleNamespace(places=lambda _: [0], scales=np.ones(1))
     fit = SimpleNamespace(vehicle=vehicle, free=free, values=np.ones(1), table=lambda effect: (table, {}))
     model = SimpleNamespace(normal=SimpleNamespace(score=np.ones((20, 1))), costs=np.ones(20))
     model.excesses = np.ones(20)

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import Model, passive
-from hydro.core.diagnosis.settings import SURE
+from hydro.core.diagnosis.settings import NEGLIGIBLE, SURE
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.passivity import accepted
 from hydro.core.prediction.normal_equations import Normal
@@ -55,7 +55,7 @@ def test_a_further_parameter_must_reduce_the_residual_to_win(name, share, fewer,
     found = change([many, few], whole)
     assert found.best.effect == name
     assert found.wins() == {name: 1.0, other: 0.0}
-    better = rival(other, (share - 0.013 * more) * whole, fewer + more)
+    better = rival(other, (share - 1.1 * NEGLIGIBLE * more) * whole, fewer + more)
     assert change([few, better], whole).best.effect == other
 
 

@@ -9,8 +9,7 @@ import pytest
 from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.findings import Finding
-from hydro.core.diagnosis.relative_thrust import doubted_gain
+from hydro.core.diagnosis.findings import Finding, doubted_gain
 from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.recording.arrays import recording
 

@@ -58,7 +58,7 @@ def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> 
     """Share that steady wrenches explain of 60 s with `noise` SIGMA, `trusted` SIGMA of it believed."""
     record = recording(believed, moving(flown, noise=noise))
     problem = OutputError.of(make_shots(record, sigma=trusted * SIGMA), believed)
-    return unexplained.steady_disturbance(unexplained.steady_wrenches(problem, believed))
+    return unexplained.steady_disturbance(unexplained.with_steady_wrenches(problem, believed))
 
 
 def fitted_to_noise(believed: Vehicle, trusted: float):

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from recordings import damped, moved
 
+from hydro.core.diagnosis.confidence import folds
 from hydro.core.diagnosis.search import Search, most_gain
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
-from hydro.core.diagnosis.transfer import sessions_of
 from hydro.core.evaluation.score_test import Evidence
 from hydro.core.explanation.screening import promising
 from hydro.core.explanation.trials import Quick, Recordings, _fit_together, _pairs
@@ -97,7 +97,7 @@ def test_effects_are_ranked_by_equation_error_where_predictions_leave_the_motion
     )
     far = study(record, 1e-4)
     problem = OutputError.of(far.problem.shots, unstable)
-    fold = sessions_of(problem.shots)
+    fold = folds(problem.shots.session)
     by_predictions, by_equations = (
         [one["name"] for one in ranked].index("buoyancy_offset")
         for ranked in (promising(unstable, [], problem, fold, far.log.track), far.promising(unstable, []))

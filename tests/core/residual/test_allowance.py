@@ -69,7 +69,8 @@ def held(allowance: Allowance, measured, effect: str, begin: dict | str):
     fit = fit_model(FILE, [begin], problem, measured.record.track, 12)
     prior = Prior(np.zeros(len(fit.values)), np.full(len(fit.values), 0.25))
     assert [entry.effect for entry in unknown.entries] == [effect] * len(fit.values)
-    return fit.values, allowance.refined(fit.unknown, allowance.held(fit.unknown, fit.values, prior), prior)
+    begun = allowance.held(fit.unknown, fit.values, prior)
+    return fit.values, allowance.refined(fit.unknown, begun, prior, most=6, gain=0.5)
 
 
 def alone(allowance: Allowance) -> float:

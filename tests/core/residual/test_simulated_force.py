@@ -78,7 +78,7 @@ def test_the_force_is_simulated_where_the_first_order_fails_and_held_out_data_ag
         for table in damped().effect
     )
     sticky = msgspec.structs.replace(damped(), effect=tuple(effects))
-    monkeypatch.setattr(hulls, "SECOND_ORDER", 1.3)
+    monkeypatch.setattr(hulls, "RIGHT", 1.3)
     simulated = hull_of(sticky, flown(seed=10))
     assert simulated.simulated
     assert simulated.left < 0.015 * simulated.given  # 0.03 by the response of first order

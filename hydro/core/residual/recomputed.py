@@ -22,7 +22,7 @@ from hydro.core.vehicle.description import Vehicle
 
 
 @dataclass(frozen=True)
-class AskedAnew:
+class Recomputed:
     """Least-squares problem of `levenberg_marquardt` with the hull force recomputed for every candidate.
 
     Attributes:
@@ -37,7 +37,7 @@ class AskedAnew:
     beginnings: Array
 
     @classmethod
-    def of(cls, hull: Hull, transitions: Transitions) -> AskedAnew:
+    def of(cls, hull: Hull, transitions: Transitions) -> Recomputed:
         """Prepare the problem from the transitions of shots."""
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
@@ -69,14 +69,14 @@ class AskedAnew:
         gram = np.einsum("ski,skj->sij", flat, flat)
         return Normal(gram, np.maximum(compared - CHANNELS, 1.0), channels, follow)
 
-    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, AskedAnew]:
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Recomputed]:
         """Return the sum of squared residuals of a vehicle, and the problem, which keeps no state.
 
         `step` and `normal` are not used: initial states are eliminated, so they need no update.
         """
         return float((self._left(vehicle) ** 2).sum()), self
 
-    def reweighted(self, normal: Normal) -> tuple[AskedAnew, bool]:
+    def reweighted(self, normal: Normal) -> tuple[Recomputed, bool]:
         """Return the problem unchanged, and False: its weights are fixed."""
         return self, False
 
