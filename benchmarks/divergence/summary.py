@@ -1,0 +1,68 @@
+"""Kept table of the study: one row per cell, both networks side by side."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+
+from benchmarks.divergence.cells import CELLS, CONDITIONS
+from benchmarks.kept_tables import Row
+
+OPEN, TRAINED = "open", "sac"
+"""Parts of the study: flights without a policy, and trainings."""
+
+
+def kept(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows of the kept table.
+
+    Args:
+        rows: Rows of all parts, with `part`, `cell`, `condition` and `seed`.
+    """
+    groups = dict[tuple[str, str, str], list[Row]]()
+    for row in rows:
+        groups.setdefault((row["part"], row["cell"], row["condition"]), []).append(row)
+    made = list[Row]()
+    for cell in CELLS:
+        line: Row = {"cell": cell.name}
+        for title, part, words in (
+            ("explodes", OPEN, _explosions),
+            ("gains energy", OPEN, _gains),
+            ("SAC diverges", TRAINED, _trainings),
+        ):
+            for condition in CONDITIONS:
+                some = groups.get((part, cell.name, condition), [])
+                line[f"{condition}: {title}"] = words(some) if some else ""
+        made.append(line)
+    return made
+
+
+def _explosions(rows: Sequence[Row]) -> str:
+    """Return the networks that exploded in open loop, and the greatest speed of all."""
+    bad = [row for row in rows if exploded(row)]
+    numerical = sum(row["numerical"] > 0 for row in rows)
+    words = f"{len(bad)} of {len(rows)}; {_speed(max(row['fastest'] for row in rows))}"
+    return words + (f"; numerical in {numerical}" if numerical else "")
+
+
+def exploded(row: Row) -> bool:
+    """Return whether any flight of a network exploded."""
+    return any(value > 0 for name, value in row.items() if name.startswith("exploded_"))
+
+
+def _speed(speed: float) -> str:
+    return f"{speed:.1f} m/s" if speed < 100.0 else f"{speed:.0e} m/s"
+
+
+def _gains(rows: Sequence[Row]) -> str:
+    """Return the networks that add energy, and the share of flights over all."""
+    bad = sum(row["gaining"] > 0.0 for row in rows)
+    share = 100.0 * statistics.fmean(row["gaining"] for row in rows)
+    return f"{bad} of {len(rows)}; {share:.0f}% of flights"
+
+
+def _trainings(rows: Sequence[Row]) -> str:
+    """Return the trainings that diverged and how, and the last share of arrivals of each by seed."""
+    bad = [row["diverged"] for row in rows if row["diverged"]]
+    kinds = f" ({', '.join(sorted(set(bad)))})" if bad else ""
+    last = ", ".join(f"{100.0 * row['last']:.0f}" for row in sorted(rows, key=lambda row: row["seed"]))
+    return f"{len(bad)} of {len(rows)}{kinds}; arrivals {last}%"
