@@ -25,7 +25,7 @@ from hydro.learn.train import BATCH_LIMITS, BATCHES_PER_EPOCH, train
 
 STONEFISH = Path(__file__).resolve().parents[2] / "datasets" / "stonefish"
 UPDATES = 6_000
-"""Weight updates of every network, a quarter of the default of `hydro train`: 60 networks take ten minutes."""
+"""Weight updates of every network, a quarter of the default of `hydro train`, to save processor time."""
 SAMPLE = 20
 """Minutes of the bundled sample."""
 

@@ -37,16 +37,12 @@ def kept(rows: Iterable[Row]) -> list[Row]:
 
 
 def _explosions(rows: Sequence[Row]) -> str:
-    """Return the networks that exploded in open loop, and the greatest speed of all."""
-    bad = [row for row in rows if exploded(row)]
+    """Return the networks that exploded, by kind of flight, and the greatest speed of all."""
+    kinds = [name for name in rows[0] if name.startswith("exploded_")]
+    counts = ", ".join(f"{name.partition('_')[2]} {sum(row[name] > 0 for row in rows)}" for name in kinds)
     numerical = sum(row["numerical"] > 0 for row in rows)
-    words = f"{len(bad)} of {len(rows)}; {_speed(max(row['fastest'] for row in rows))}"
+    words = f"{counts} of {len(rows)}; {_speed(max(row['fastest'] for row in rows))}"
     return words + (f"; numerical in {numerical}" if numerical else "")
-
-
-def exploded(row: Row) -> bool:
-    """Return whether any flight of a network exploded."""
-    return any(value > 0 for name, value in row.items() if name.startswith("exploded_"))
 
 
 def _speed(speed: float) -> str:
