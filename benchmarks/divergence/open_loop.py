@@ -28,8 +28,10 @@ from hydro.rl.world.config import Settings
 
 STRIDE = 2
 """Rows of a recording at 50 Hz per control step."""
-DECAYS, RANDOM, SECONDS = 64, 64, 20.0
-"""Flights without thrust, flights with random commands, and their duration [s], that of a short episode."""
+DECAYS, RANDOM, SECONDS = 32, 64, 20.0
+"""Flights without thrust of a kind, with random commands, and their duration [s], that of an episode."""
+THRUSTED, UNTHRUSTED = ("replay", "random", "full"), {"decay": 1.0, "fast": 2.0}
+"""Kinds of flights with thrust, and those without, with the multiple of the recorded velocities."""
 LEAST = 1.0
 """Least kinetic energy at the start of a flight without thrust [J]; at rest a share of it means nothing."""
 GAIN = 0.05
@@ -65,7 +67,7 @@ class Motion(NamedTuple):
 
 
 def flights(vehicle: Vehicle, replay: Path) -> dict[str, Flights]:
-    """Return all flights by kind: `replay`, `random`, `full` and `decay`.
+    """Return all flights by kind, see `THRUSTED` and `UNTHRUSTED`.
 
     Args:
         vehicle: The vehicle.
@@ -79,8 +81,7 @@ def flights(vehicle: Vehicle, replay: Path) -> dict[str, Flights]:
         "replay": _replay(recording, vehicle),
         "random": _from_rest(_random(steps, RANDOM, n)),
         "full": _from_rest(np.broadcast_to(full, (steps, *full.shape))),
-        "decay": _decay(recording, vehicle, steps),
-    }
+    } | {kind: _decay(recording, vehicle, steps, times) for kind, times in UNTHRUSTED.items()}
 
 
 def _replay(recording: pl.DataFrame, vehicle: Vehicle) -> Flights:
@@ -106,13 +107,13 @@ def _from_rest(commands: Array) -> Flights:
     return Flights(pose, np.zeros((len(pose), 6)), commands)
 
 
-def _decay(recording: pl.DataFrame, vehicle: Vehicle, steps: int) -> Flights:
-    """Return flights without thrust from moving rows of a recording, evenly spaced."""
+def _decay(recording: pl.DataFrame, vehicle: Vehicle, steps: int, times: float) -> Flights:
+    """Return flights without thrust from moving rows of a recording, at a multiple of their velocities."""
     pose, velocity = _starts(recording)
     moving = np.flatnonzero(kinetic(vehicle, velocity) >= LEAST)
     chosen = moving[np.linspace(0, len(moving) - 1, DECAYS).astype(np.int64)]
     still = np.zeros((steps, DECAYS, len(vehicle.thruster)))
-    return Flights(pose[chosen], velocity[chosen], still)
+    return Flights(pose[chosen], times * velocity[chosen], still)
 
 
 def _starts(rows: pl.DataFrame) -> tuple[Array, Array]:
@@ -156,21 +157,23 @@ def measure(vehicle: Vehicle, condition: Condition, given: dict[str, Flights]) -
     """Return the results of all flights of one network.
 
     Returns:
-        `exploded_KIND` and `flights_KIND`: flights that exploded, and all, by kind; `numerical`, flights
-        whose state was not finite or above 10^10; `fastest`, the greatest speed [m/s]; `gaining`, the share
-        of flights without thrust that gained energy; `gain`, the greatest gain as a share of the kinetic
-        energy at the start; `left`, the median share of it that is left at the end.
+        For each kind with thrust: `exploded_KIND` and `flights_KIND`, the flights that exploded, and all.
+        For each without: `gaining_KIND`, the share of flights that gained energy; `gain_KIND`, the greatest
+        gain as a share of the kinetic energy at the start; `left_KIND`, the median share of it at the end.
+        `numerical`, all flights whose state was not finite or above 10^10; `fastest`, the greatest speed of
+        the flights with thrust [m/s].
     """
     row: Row = {"numerical": 0, "fastest": 0.0}
     for kind, some in given.items():
         motion = fly(vehicle, condition, some)
+        row["numerical"] += int(motion.diverged.sum())
+        if kind in UNTHRUSTED:
+            row |= {f"{name}_{kind}": value for name, value in _energies(vehicle, motion).items()}
+            continue
         fastest = np.linalg.norm(motion.velocity[..., :3], axis=-1).max(axis=0)
         exploded = motion.diverged | (fastest > Settings().overspeed)
         row |= {f"exploded_{kind}": int(exploded.sum()), f"flights_{kind}": len(exploded)}
-        row["numerical"] += int(motion.diverged.sum())
         row["fastest"] = max(row["fastest"], float(fastest.max()))
-        if kind == "decay":
-            row |= _energies(vehicle, motion)
     return row
 
 
