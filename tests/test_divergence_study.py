@@ -58,16 +58,17 @@ def test_energy_is_kept_without_damping_lost_with_it_and_gained_by_a_pushing_net
         open_loop.measure(VEHICLE, condition, decays())
         for condition in (Condition("R_0+M_A", None, "off"), pushing(-100.0), pushing(200.0))
     )
-    assert (free["gaining"], damped["gaining"], pushed["gaining"]) == (0.0, 0.0, 1.0)
-    assert damped["left"] < 0.3 < 0.8 < free["left"] < 1.2
-    assert pushed["gain"] > 1.0 > 0.05 > free["gain"]
-    assert free["exploded_decay"] == damped["exploded_decay"] == 0
+    assert (free["gaining_decay"], damped["gaining_decay"], pushed["gaining_decay"]) == (0.0, 0.0, 1.0)
+    assert damped["left_decay"] < 0.3 < 0.8 < free["left_decay"] < 1.2
+    assert pushed["gain_decay"] > 1.0 > 0.05 > free["gain_decay"]
 
 
 def test_a_flight_that_exceeds_the_limit_of_speed_exploded() -> None:
-    found = open_loop.measure(VEHICLE, pushing(3000.0), decays())
-    assert found["exploded_decay"] == found["flights_decay"] == 8
-    assert found["fastest"] > 5.0
+    given = {"random": decays()["decay"]}
+    found, slow = (open_loop.measure(VEHICLE, pushing(gain), given) for gain in (3000.0, -100.0))
+    assert found["exploded_random"] == found["flights_random"] == 8
+    assert found["fastest"] > 5.0 > slow["fastest"]
+    assert slow["exploded_random"] == 0
 
 
 def test_random_commands_are_bounded_correlated_and_the_same_for_all() -> None:
@@ -134,18 +135,19 @@ def test_trainings_have_the_factors_of_their_cell_and_their_whole_budget() -> No
 
 
 def test_the_table_has_both_networks_of_a_cell_side_by_side() -> None:
-    flown = {"part": "open", "cell": "centre", "numerical": 0, "fastest": 3.0, "gaining": 0.0}
-    flown |= {"exploded_replay": 0, "exploded_full": 0}
+    flown = {"part": "open", "cell": "centre", "numerical": 0, "fastest": 3.0}
+    flown |= {"exploded_replay": 0, "exploded_random": 0, "exploded_full": 0}
+    flown |= {"gaining_decay": 0.0, "gaining_fast": 0.0}
     learnt = {"part": "sac", "cell": "centre", "condition": "R_MLP", "diverged": "", "last": 0.9}
     rows = [
         flown | {"condition": "R_MLP", "seed": 0},
-        flown | {"condition": "R_MLP", "seed": 1, "exploded_full": 2, "fastest": 2e5, "gaining": 0.5},
+        flown | {"condition": "R_MLP", "seed": 1, "exploded_full": 2, "fastest": 2e5, "gaining_fast": 0.5},
         learnt | {"seed": 1, "diverged": "success", "last": 0.0},
         learnt | {"seed": 0},
     ]
     centre, *others = kept(rows)
-    assert centre["R_MLP: explodes"] == "replay 0, full 1 of 2; 2e+05 m/s"
-    assert centre["R_MLP: gains energy"] == "1 of 2; 25% of flights"
+    assert centre["R_MLP: explodes"] == "replay 0, random 0, full 1 of 2; 2e+05 m/s"
+    assert centre["R_MLP: gains energy"] == "1 x: 0 of 2; 2 x: 1 of 2 (25% of flights)"
     assert centre["R_MLP: SAC diverges"] == "1 of 2 (success); arrivals 90, 0%"
     assert centre["R_PhysFeat: explodes"] == ""
     assert [row["cell"] for row in others] == [cell.name for cell in CELLS[1:]]

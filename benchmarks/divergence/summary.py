@@ -6,6 +6,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 
 from benchmarks.divergence.cells import CELLS, CONDITIONS
+from benchmarks.divergence.open_loop import THRUSTED, UNTHRUSTED
 from benchmarks.kept_tables import Row
 
 OPEN, TRAINED = "open", "sac"
@@ -38,8 +39,7 @@ def kept(rows: Iterable[Row]) -> list[Row]:
 
 def _explosions(rows: Sequence[Row]) -> str:
     """Return the networks that exploded, by kind of flight, and the greatest speed of all."""
-    kinds = [name for name in rows[0] if name.startswith("exploded_")]
-    counts = ", ".join(f"{name.partition('_')[2]} {sum(row[name] > 0 for row in rows)}" for name in kinds)
+    counts = ", ".join(f"{kind} {sum(row[f'exploded_{kind}'] > 0 for row in rows)}" for kind in THRUSTED)
     numerical = sum(row["numerical"] > 0 for row in rows)
     words = f"{counts} of {len(rows)}; {_speed(max(row['fastest'] for row in rows))}"
     return words + (f"; numerical in {numerical}" if numerical else "")
@@ -50,10 +50,13 @@ def _speed(speed: float) -> str:
 
 
 def _gains(rows: Sequence[Row]) -> str:
-    """Return the networks that add energy, and the share of flights over all."""
-    bad = sum(row["gaining"] > 0.0 for row in rows)
-    share = 100.0 * statistics.fmean(row["gaining"] for row in rows)
-    return f"{bad} of {len(rows)}; {share:.0f}% of flights"
+    """Return the networks that add energy, by the velocity at the start, and the share of flights."""
+    words = []
+    for kind, times in UNTHRUSTED.items():
+        bad = sum(row[f"gaining_{kind}"] > 0.0 for row in rows)
+        share = 100.0 * statistics.fmean(row[f"gaining_{kind}"] for row in rows)
+        words.append(f"{times:g} x: {bad} of {len(rows)}" + (f" ({share:.0f}% of flights)" if bad else ""))
+    return "; ".join(words)
 
 
 def _trainings(rows: Sequence[Row]) -> str:
