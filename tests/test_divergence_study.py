@@ -141,13 +141,13 @@ def test_the_table_has_both_networks_of_a_cell_side_by_side() -> None:
     learnt = {"part": "sac", "cell": "centre", "condition": "R_MLP", "diverged": "", "last": 0.9}
     rows = [
         flown | {"condition": "R_MLP", "seed": 0},
-        flown | {"condition": "R_MLP", "seed": 1, "exploded_full": 2, "fastest": 2e5, "gaining_fast": 0.5},
+        flown | {"condition": "R_MLP", "seed": 1, "exploded_full": 2, "fastest": 2e5, "gaining_fast": 0.4},
         learnt | {"seed": 1, "diverged": "success", "last": 0.0},
         learnt | {"seed": 0},
     ]
     centre, *others = kept(rows)
-    assert centre["R_MLP: explodes"] == "replay 0, random 0, full 1 of 2; 2e+05 m/s"
-    assert centre["R_MLP: gains energy"] == "1 x: 0 of 2; 2 x: 1 of 2 (25% of flights)"
+    assert centre["R_MLP: explodes"] == "0, 0, 1 of 2; 2e+05 m/s"
+    assert centre["R_MLP: gains energy"] == "0, 1 of 2; 10% of flights"
     assert centre["R_MLP: SAC diverges"] == "1 of 2 (success); arrivals 90, 0%"
     assert centre["R_PhysFeat: explodes"] == ""
     assert [row["cell"] for row in others] == [cell.name for cell in CELLS[1:]]

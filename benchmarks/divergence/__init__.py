@@ -8,7 +8,7 @@ R_MLP and R_PhysFeat.  A seed, 0 to 4, determines the weights, the noise of the 
 Definitions, fixed before the runs:
 
 * Open loop, explosion: in any flight of the replay, of random commands or of full thrust, the state is not
-  finite, or the speed exceeds 5 m/s (`settings.overspeed`).  The recordings reach 2.0 m/s.
+  finite, or the speed exceeds 5 m/s (`settings.overspeed`).  The recordings reach 1.9 m/s.
 * Open loop, energy: in any flight without thrust, the mechanical energy exceeds its value at the start by
   more than 5 % of the kinetic energy at the start.  Water at rest cannot add energy.  Flights start at the
   velocities of a recording.  Flights that start at twice these velocities, which exceed the data, were added

@@ -38,25 +38,23 @@ def kept(rows: Iterable[Row]) -> list[Row]:
 
 
 def _explosions(rows: Sequence[Row]) -> str:
-    """Return the networks that exploded, by kind of flight, and the greatest speed of all."""
-    counts = ", ".join(f"{kind} {sum(row[f'exploded_{kind}'] > 0 for row in rows)}" for kind in THRUSTED)
+    """Return the networks that exploded by kind of flight, in the order of `THRUSTED`, and the top speed."""
+    counts = ", ".join(str(sum(row[f"exploded_{kind}"] > 0 for row in rows)) for kind in THRUSTED)
     numerical = sum(row["numerical"] > 0 for row in rows)
-    words = f"{counts} of {len(rows)}; {_speed(max(row['fastest'] for row in rows))}"
+    words = f"{counts} of {len(rows)}; {_speed(max(row['fastest'] for row in rows))} m/s"
     return words + (f"; numerical in {numerical}" if numerical else "")
 
 
 def _speed(speed: float) -> str:
-    return f"{speed:.1f} m/s" if speed < 100.0 else f"{speed:.0e} m/s"
+    """Return a speed with a precision that suits its size."""
+    return f"{speed:.1f}" if speed < 10.0 else f"{speed:.0f}" if speed < 1e4 else f"{speed:.0e}"
 
 
 def _gains(rows: Sequence[Row]) -> str:
-    """Return the networks that add energy, by the velocity at the start, and the share of flights."""
-    words = []
-    for kind, times in UNTHRUSTED.items():
-        bad = sum(row[f"gaining_{kind}"] > 0.0 for row in rows)
-        share = 100.0 * statistics.fmean(row[f"gaining_{kind}"] for row in rows)
-        words.append(f"{times:g} x: {bad} of {len(rows)}" + (f" ({share:.0f}% of flights)" if bad else ""))
-    return "; ".join(words)
+    """Return the networks that add energy, in the order of `UNTHRUSTED`, and the share of all flights."""
+    counts = ", ".join(str(sum(row[f"gaining_{kind}"] > 0.0 for row in rows)) for kind in UNTHRUSTED)
+    share = 100.0 * statistics.fmean(row[f"gaining_{kind}"] for row in rows for kind in UNTHRUSTED)
+    return f"{counts} of {len(rows)}" + (f"; {share:.1g}% of flights" if share else "")
 
 
 def _trainings(rows: Sequence[Row]) -> str:
