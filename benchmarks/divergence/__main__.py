@@ -107,10 +107,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds")
     parser.add_argument("--steps", type=int, default=trainings.STEPS, help="control steps of a training")
     parser.add_argument("--commit", default="", help="commit of the measured code, to keep the table")
+    parser.add_argument("--command", default=COMMAND, help="command lines of the kept rows")
     given = parser.parse_args()
     if given.part == "keep":
         found = rows_of(given.folder)
-        where = origin(pl.DataFrame({"seed": [row["seed"] for row in found]}), COMMAND, given.commit)
+        where = origin(pl.DataFrame({"seed": [row["seed"] for row in found]}), given.command, given.commit)
         keep("divergence", [row | where for row in kept(found)])
         return
     source, cells = Source(full=given.full), [cell_of(name) for name in given.cells]

@@ -54,7 +54,7 @@ def _gains(rows: Sequence[Row]) -> str:
     """Return the networks that add energy, in the order of `UNTHRUSTED`, and the share of all flights."""
     counts = ", ".join(str(sum(row[f"gaining_{kind}"] > 0.0 for row in rows)) for kind in UNTHRUSTED)
     share = 100.0 * statistics.fmean(row[f"gaining_{kind}"] for row in rows for kind in UNTHRUSTED)
-    return f"{counts} of {len(rows)}" + (f"; {share:.1g}% of flights" if share else "")
+    return f"{counts} of {len(rows)}" + (f"; {share:.2g}% of flights" if share else "")
 
 
 def _trainings(rows: Sequence[Row]) -> str:
