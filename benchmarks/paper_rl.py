@@ -36,6 +36,8 @@ SURGE = {"MJ0": 1.784, "MJ1": 0.996, "MJ4": 0.998}
 NEAR = 0.1
 """Relative difference from the paper's figure below which a figure counts as reproduced."""
 TRAININGS = "recipe sac, kernels, networks from the bundled sample; the paper: SAC in MuJoCo, 857,542 samples"
+CAUSES = "possible causes: [Does training diverge?](divergence.md)"
+"""Reference to the study of `benchmarks.divergence`."""
 SAMPLE = "networks from the bundled sample of 59,914 rows; the paper: 857,542 samples"
 Verdict = tuple[str, str, str]
 REPRODUCED, NOT_REPRODUCED, WAITING = "reproduced", "not reproduced", "not yet run"
@@ -295,7 +297,7 @@ def _diverges(done: pl.DataFrame) -> Verdict:
     if not rows:
         return WAITING, "", TRAININGS
     bad = [row for row in rows if row["diverged"]]
-    words = f"{len(bad)} of {_count(rows)} diverged; {_passed(rows)} passed all stages"
+    words = f"{len(bad)} of {_count(rows)} diverged; {_passed(rows)} passed all stages; {CAUSES}"
     return (REPRODUCED if len(bad) == len(rows) else NOT_REPRODUCED), words, TRAININGS
 
 
