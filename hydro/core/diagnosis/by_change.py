@@ -564,7 +564,7 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
-    problem = AskedAnew.of(compared.hull, Transitions.of(candidate(vehicle), shots))
+    problem = AskedAnew.of(compared.hull, Transitions.of(candidate(vehicle), shots)).with_free_law(vehicle)
     normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))
