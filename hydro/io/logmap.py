@@ -89,9 +89,9 @@ def check(found: LogMap) -> None:
     for name, block in (("velocity", found.velocity), ("rates", found.rates)):
         if block is not None and not (name == "rates" and found.rates.source == "attitude"):  # type: ignore[union-attr]
             _check_count(f"{name}.columns", block.columns, 3)
-    for name, block in (("attitude", found.attitude), ("velocity", found.velocity), ("rates", found.rates)):
-        if block is not None and block.mount is not None:
-            _check_mount(f"{name}.mount", block.mount)
+    for name, sensor in (("attitude", found.attitude), ("velocity", found.velocity), ("rates", found.rates)):
+        if sensor is not None and sensor.mount is not None:
+            _check_mount(f"{name}.mount", sensor.mount)
     _check_named_once(found)
     _check_derived(found)
     _check_samples(found)
