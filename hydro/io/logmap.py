@@ -89,8 +89,9 @@ def check(found: LogMap) -> None:
     for name, block in (("velocity", found.velocity), ("rates", found.rates)):
         if block is not None and not (name == "rates" and found.rates.source == "attitude"):  # type: ignore[union-attr]
             _check_count(f"{name}.columns", block.columns, 3)
-        if block is not None and block.mount is not None:
-            _check_mount(f"{name}.mount", block.mount)
+    for name, sensor in (("attitude", found.attitude), ("velocity", found.velocity), ("rates", found.rates)):
+        if sensor is not None and sensor.mount is not None:
+            _check_mount(f"{name}.mount", sensor.mount)
     _check_named_once(found)
     _check_derived(found)
     _check_samples(found)
@@ -180,8 +181,8 @@ def _check_named_once(found: LogMap) -> None:
 def _check_mount(path: str, mount: Mount) -> None:
     """Check that a mount has a position of three numbers, and one form of rotation."""
     _check_count(f"{path}.position", mount.position, 3)
-    if path == "rates.mount" and any(mount.position):
-        raise DataError(f"{path}.position: a gyroscope measures the same anywhere on the body; leave it out")
+    if path != "velocity.mount" and any(mount.position):
+        raise DataError(f"{path}.position: this sensor measures the same anywhere on the body; leave it out")
     if mount.matrix is None:
         return
     if any((mount.roll, mount.pitch, mount.yaw)):

@@ -19,7 +19,7 @@ from hydro.core.interval import NORMAL_95
 from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {
-    "log_fault": ("Fault in the log", "The log has impossible values in {columns}."),
+    "log_fault": ("Fault in the log", "The log has wrong values in {columns}."),
     "missing": ("New effect", "The model lacks {effect}."),
     "suspect": ("Unconfirmed", "The model may lack {effect}; the confidence is below 90 %."),
     "retune": ("New values", "This log needs new values of {effect}."),

@@ -31,6 +31,7 @@ from hydro.core.diagnosis.contenders import (
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
+from hydro.core.diagnosis.mounting import with_mounting
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
@@ -114,6 +115,9 @@ class ByChange:
         """
         compared, first = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
         errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
+        back = with_mounting(vehicle, log, errors, lambda one, of: _misfit(one, of, hull), hull)
+        if back is not log:
+            return cls.of(vehicle, back, hull, further, told)
         given = compared.chi2(first)
         if errors:
             read = extended(vehicle, [one.table for one in errors])
@@ -225,6 +229,12 @@ class ByChange:
     def _last(self, changes: Changes) -> Model:
         """Return the model with all changes, or without changes the first model."""
         return changes.found[-1].best.model if changes.found else self.first
+
+
+def _misfit(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> float:
+    """Return the mean squared residual of a vehicle with the hull-force model, in floors."""
+    compared, model = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
+    return compared.chi2(model)
 
 
 def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bool:
@@ -551,7 +561,7 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
-    problem = Recomputed.of(compared.hull, Transitions.of(candidate(vehicle), shots))
+    problem = Recomputed.of(compared.hull, Transitions.of(candidate(vehicle), shots)).with_free_law(vehicle)
     normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))

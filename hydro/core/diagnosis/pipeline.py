@@ -27,9 +27,11 @@ from hydro.core.diagnosis.findings import Diagnosis, Finding, doubted_gain
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import unfitted
+from hydro.core.diagnosis.mounting import with_mounting
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
 from hydro.core.diagnosis.status import status, with_sentences
+from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.sea.sea_state import shown
@@ -155,6 +157,7 @@ def diagnose_log(
         found = reported(ByChange.of(vehicle, log, hull, further, provisional), search)
     else:
         search("shots", 0.0)
+        log = with_mounting(vehicle, log, filter(shown_by_kinematics, log.sensors.values()), _misfit)
         start, shots = stable_start(vehicle, log)
         if in_vain and unfitted(start, shots).normal.chi2 > FAR_FROM_NOISE:
             shots = shots.coarsened(start)
@@ -166,6 +169,12 @@ def diagnose_log(
     if beyond is not None and not log.misdirected:
         found = beyond(vehicle, log, found, search)
     return answered(found, vehicle, log, hull=hull, progress=part(progress, ANSWERED, 1.0))
+
+
+def _misfit(vehicle: Vehicle, log: Preprocessed) -> float:
+    """Return the mean squared residual of a vehicle with its effects refitted, in units of the noise."""
+    start, shots = stable_start(vehicle, log)
+    return refit(vehicle, log, shots, start).refitted.normal.chi2
 
 
 def misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:

@@ -128,7 +128,8 @@ class Evidence:
 
         def turns(block: Attitude) -> Array:
             # a fixed rotation of the world's axes changes no turn, and one of the body's rotates its vector
-            return own_turns(msgspec.structs.replace(block, **UNFRAMED)) @ conventions.AXES[block.body].T
+            own = own_turns(msgspec.structs.replace(block, **UNFRAMED)) @ conventions.AXES[block.body].T
+            return own if block.mount is None else own @ conventions.turn(block.mount).T
 
         @cache
         def turning(block: Attitude) -> Array:

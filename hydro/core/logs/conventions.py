@@ -19,6 +19,7 @@ from hydro.core.logs.logmap import (
     Command,
     Commands,
     Mixer,
+    Mount,
     Number,
     Position,
     Rates,
@@ -135,13 +136,22 @@ def in_frames(block: Attitude, turned: Array) -> Array:
     """Return the rotation from FRD to NED.
 
     Args:
-        block: Attitude block of the map, with the frames of body and world.
+        block: Attitude block of the map, with the frames of body and world, and the sensor's mounting.
         turned: Rotation from the block's body frame to its world frame, shape (..., 3, 3).
 
     Returns:
         Shape (..., 3, 3).
     """
-    return np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
+    R = np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
+    return R if block.mount is None else np.asarray(R @ turn(block.mount).T)
+
+
+def turn(mount: Mount) -> Array:
+    """Return the rotation from the sensor's axes to the body's, (3, 3)."""
+    if mount.matrix is not None:
+        return np.array(mount.matrix, float)
+    of_angles = scipy.spatial.transform.Rotation.from_euler
+    return np.asarray(of_angles("ZYX", [mount.yaw, mount.pitch, mount.roll], degrees=True).as_matrix())
 
 
 def velocity(log: SessionLog, block: Velocity, at: Array, R: Array) -> Array:

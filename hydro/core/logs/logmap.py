@@ -131,7 +131,8 @@ class Attitude(_Sensor, frozen=True):
 
     `columns` are roll, pitch and yaw (rotations about x, y, z).  `order` names the rotations from world to
     body: ZYX rotates by yaw, then about the new y by pitch, then about the new x by roll.  `quaternion` are
-    four columns in the order of `layout`, which rotate vectors as given by `turns`.
+    four columns in the order of `layout`, which rotate vectors as given by `turns`.  `mount` rotates the axes
+    of a sensor that is mounted at an angle to the body's.
     """
 
     columns: tuple[Number, ...] | None = None
@@ -142,6 +143,7 @@ class Attitude(_Sensor, frozen=True):
     turns: Literal["body to world", "world to body"] = "body to world"
     world: World = "NED"
     body: Body = "FRD"
+    mount: Mount | None = None
 
 
 class Velocity(_Sensor, frozen=True):

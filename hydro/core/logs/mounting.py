@@ -8,21 +8,13 @@ import scipy
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
-from hydro.core.logs.conventions import AXES, BODIES, UNITS, SessionLog
-from hydro.core.logs.logmap import Attitude, Mount, Rates, Velocity, named
+from hydro.core.logs.conventions import AXES, BODIES, UNITS, SessionLog, turn
+from hydro.core.logs.logmap import Attitude, Rates, Velocity, named
 
 SLOPE_SAMPLES = 5
 """Default number of attitude samples in a local parabola."""
 DERIVED = tuple(f"{name}, from the attitude" for name in "pqr")
 """Names of derived rates, which are not columns of the log."""
-
-
-def turn(mount: Mount) -> Array:
-    """Return the rotation from the sensor's axes to the body's, (3, 3)."""
-    if mount.matrix is not None:
-        return np.array(mount.matrix, float)
-    of_angles = scipy.spatial.transform.Rotation.from_euler
-    return np.asarray(of_angles("ZYX", [mount.yaw, mount.pitch, mount.roll], degrees=True).as_matrix())
 
 
 def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:

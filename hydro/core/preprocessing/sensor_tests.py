@@ -296,6 +296,9 @@ def _spare(gram: Array, shared: Array) -> float:
 def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:
     """Yield, for each segment, the products of columns and residual in pieces of two seconds.
 
+    The high-pass starts from the first position of a segment, whose error decays with its time constant.
+    This error is free: where fixes are rare and the time constant is long, it would act on many pieces.
+
     Yields:
         Gram matrices (pieces, LOG + 1, LOG + 1), the contribution of the velocity's noise to them, and the
         sums of squared residuals by axis, (pieces, 3).
@@ -327,7 +330,11 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
             both[i] = weight[i] * leaky_sum(ahead, keep[i])
             placed = leaky_sum(np.diff(eta[:, [i]], axis=0, prepend=eta[:1, [i]]), keep[i])[:, 0]
             both[i, :, -1] = weight[i] * placed - both[i, :, -1]
-        cut = both[:, late : late + count * length].reshape(3, count, length, LOG + 1)
+        both = both[:, late : late + count * length]
+        for i in range(3):  # free error of the first position
+            decay = keep[i] ** np.arange(count * length)
+            both[i] -= np.outer(decay, decay @ both[i]) / (decay @ decay)
+        cut = both.reshape(3, count, length, LOG + 1)
         gram = np.einsum("ipka,ipkb->pab", cut, cut, optimize=True)
         turns = R[late : late + count * length].reshape(count, length, 3, 3)
         trace = np.einsum("i,pkia,pkic->pac", weight**2 * summed, turns, turns, optimize=True)

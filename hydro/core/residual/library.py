@@ -113,6 +113,20 @@ def sizes(vehicle: Vehicle) -> Array:
     return np.asarray(size[:, None] * arm * np.where(uneven, UNEVEN, 1.0))
 
 
+def precision(count: int) -> Array:
+    """Return the prior precision of coefficients in units of `sizes`, six axes for each term, (count, count).
+
+    The mass matrix of a body and of the water that it accelerates is symmetric (Fossen 2011, property 6.1).
+    So the coefficients of accelerations are symmetric too, within UNEVEN of their sizes.
+    """
+    out = np.eye(count)
+    for i in range(AXES):
+        for j in range(i):
+            one, other = (AXES + i) * AXES + j, (AXES + j) * AXES + i
+            out[np.ix_([one, other], [one, other])] += UNEVEN**-2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return out
+
+
 def _mirrored() -> NDArray[np.bool_]:
     """Return which library terms change sign under port-starboard reflection, (F,)."""
     both = [MIRRORED[i] != MIRRORED[j] for i in range(AXES) for j in range(i + 1, AXES)]

@@ -8,7 +8,7 @@ again for every candidate here, and derivatives are finite differences of residu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from hydro.core.columns import Array
 from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.recording.shots import CHANNELS
+from hydro.core.residual.free_law import FreeLaw
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
@@ -30,11 +31,13 @@ class Recomputed:
         transitions: State transitions of deviations in the shots, for all candidates.
         beginnings: Orthonormal responses of the compared rows to the initial state, in units of the noise,
             (S, K, 12), K values per shot.
+        free: Freedom of the coefficients of the hull-force model; None where they are held.
     """
 
     hull: Hull
     transitions: Transitions
     beginnings: Array
+    free: FreeLaw | None = None
 
     @classmethod
     def of(cls, hull: Hull, transitions: Transitions) -> Recomputed:
@@ -49,6 +52,10 @@ class Recomputed:
                 answers[~counted] = 0.0
             found.append(np.linalg.qr(answers.reshape(len(answers), -1, CHANNELS))[0])
         return cls(hull, transitions, np.concatenate(found))
+
+    def with_free_law(self, vehicle: Vehicle) -> Recomputed:
+        """Return the problem with the coefficients of a vehicle's hull-force model free, see `free_law`."""
+        return replace(self, free=FreeLaw.of(self.hull, vehicle, self.transitions))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Linearise the least-squares problem about a vehicle by finite differences.
@@ -66,7 +73,7 @@ class Recomputed:
         channels = (here.reshape(len(here), -1, CHANNELS) ** 2).sum(axis=1)
         follow = np.zeros((len(here), CHANNELS, len(columns) + 1))
         compared = shots.residuals if shots.seen is None else shots.seen[:, shots.lead :].sum(axis=(1, 2))
-        gram = np.einsum("ski,skj->sij", flat, flat)
+        gram = np.einsum("ski,skj->sij", flat, flat) if self.free is None else self.free.eliminated(flat)
         return Normal(gram, np.maximum(compared - CHANNELS, 1.0), channels, follow)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Recomputed]:
@@ -74,7 +81,7 @@ class Recomputed:
 
         `step` and `normal` are not used: initial states are eliminated, so they need no update.
         """
-        return float((self._left(vehicle) ** 2).sum()), self
+        return self.linearise(vehicle, [], []).cost, self
 
     def reweighted(self, normal: Normal) -> tuple[Recomputed, bool]:
         """Return the problem unchanged, and False: its weights are fixed."""

@@ -15,11 +15,11 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
-from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.candidate import Candidate, candidate
 from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, costs, prepare, residuals
 from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.recording.shots import CHANNELS, Shots
-from hydro.core.residual.library import AXES, Flow, sizes, terms
+from hydro.core.residual.library import AXES, Flow, precision, sizes, terms
 from hydro.core.residual.limits import FIT
 from hydro.core.residual.response import Transitions, rows_of
 from hydro.core.vehicle.description import Vehicle
@@ -43,6 +43,8 @@ class Regression:
         errors: Squared held-out residual for each of FACTORS.
         low: Lower bound of velocity, acceleration and down vector (`Flow.columns`), (15,).
         high: Upper bound of the same columns, (15,).
+        information: Information on the coefficients, of the recording and of their prior, in units of the
+            noise and of the prior standard deviations, (6 F, 6 F).
     """
 
     coefficients: Array
@@ -51,6 +53,7 @@ class Regression:
     errors: Array
     low: Array
     high: Array
+    information: Array
 
     def without_folds(self) -> list[Regression]:
         """Return the fits without each fold."""
@@ -71,9 +74,12 @@ class Regression:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
         """
-        flow = Flow.of(candidate(vehicle), shots).within(self.low, self.high)
-        found: Array = terms(flow) @ self.coefficients
+        found: Array = self.terms(candidate(vehicle), shots) @ self.coefficients
         return found
+
+    def terms(self, model: Candidate, shots: Shots) -> Array:
+        """Return the library terms at every row of a recording, within the range of the training, (N, F)."""
+        return terms(Flow.of(model, shots).within(self.low, self.high))
 
 
 def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
@@ -106,6 +112,7 @@ def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
         float(FACTORS[best]),
         np.array(errors),
         *_bounds(Flow.of(candidate(vehicle), transitions.shots).columns),
+        information(whole, FACTORS[best]),
     )
 
 
@@ -188,8 +195,12 @@ def _solve(gram: Array, factor: float) -> Array:
         gram: Normal equations with the residual, (P + 1, P + 1).
         factor: Factor on the prior standard deviations.
     """
-    known = gram[:-1, :-1] + factor**-2 * np.eye(len(gram) - 1)
-    return np.asarray(np.linalg.solve(known, gram[:-1, -1]))
+    return np.asarray(np.linalg.solve(information(gram, factor), gram[:-1, -1]))
+
+
+def information(gram: Array, factor: float) -> Array:
+    """Return the information on P coefficients of normal equations (P + 1, P + 1) and prior, (P, P)."""
+    return np.asarray(gram[:-1, :-1] + factor**-2 * precision(len(gram) - 1))
 
 
 def _error(gram: Array, found: Array) -> float:

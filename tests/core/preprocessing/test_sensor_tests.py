@@ -82,7 +82,7 @@ def test_without_noise_the_values_are_exact():
     wrong = {key: value for _, key, value in FAULTS}
     found = kinematic_tests(logged(Noise(), **wrong))
     for name, key, value in FAULTS:
-        np.testing.assert_allclose(found[name].estimate, value, atol=2e-4, err_msg=key)
+        np.testing.assert_allclose(found[name].estimate, value, atol=3e-4, err_msg=key)
 
 
 @pytest.mark.parametrize("noise", [Noise(), *PROFILES.values()])
