@@ -51,7 +51,7 @@ def command_columns(thrusters: int) -> list[str]:
 
 
 def checked_commands(columns: Iterable[str], thrusters: int, vehicle: str) -> list[str]:
-    """Return the command columns of a table; they must match a vehicle's thrusters one to one.
+    """Return the names `cmd_1 ... cmd_n` of a table's command columns, if they are those of n thrusters.
 
     Args:
         columns: Names of all columns of the table.

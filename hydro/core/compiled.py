@@ -51,7 +51,11 @@ def _cache_folder(part: str) -> Path | None:
 
 
 def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
-    """Return the sources of layers that compile something, with all hydro modules they import, sorted."""
+    """Return the files of modules that compile something, and of all hydro modules that they import, sorted.
+
+    Args:
+        parts: Layers whose modules count, some of PARTS; imports count from every layer.
+    """
     sources = _sources()
     own = tuple(f"hydro.{part}." for part in parts)
     waiting = [
@@ -104,13 +108,13 @@ def jit(
     within: bool = False,
     embeds: bool = True,
 ) -> F:
-    """Compile with `numba.njit`, using the cache above if there is a folder for it.
+    """Return a function compiled with `numba.njit`; its code is cached on disk where a folder is usable.
 
     Args:
         function: Function to compile.
         reorder_sums: Allow another, fixed order of additions, so that long sums use vector instructions.  The
             result is reproducible on one machine; its rounding may differ on another.
-        counted: Count references to arrays; see `kernel`.
+        counted: Count references to arrays; a function that allocates or returns an array needs that.
         within: Inline the code into its callers; an array otherwise takes seven arguments of a call.
         embeds: Compile the code for other kernels only as a part of their code (`embedded_code`).
     """
@@ -127,23 +131,29 @@ def jit(
 
 
 def kernel(function: F, *, reorder_sums: bool = False, within: bool = False, embeds: bool = True) -> F:
-    """Compile a function that allocates and returns no arrays, and calls none that does.
+    """Return a compiled function; it must not allocate or return arrays, nor call a function that does.
 
     Numba counts references to the memory of every slice, with atomic operations that take longer than the
     arithmetic of a thruster.  The caller of a kernel holds its arrays, so counting is unnecessary.  A kernel
     that allocates an array does not compile.  Tests check that no kernel returns an array and that no memory
     leaks.
+
+    Args:
+        function: Function to compile.
+        reorder_sums: Allow another, fixed order of additions, so that long sums use vector instructions.
+        within: Inline the code into its callers.
+        embeds: Compile the code for other kernels only as a part of their code.
     """
     return jit(function, reorder_sums=reorder_sums, counted=False, within=within, embeds=embeds)
 
 
 def within(function: F) -> F:
-    """Compile a `kernel` that is inlined into its callers, for short functions in inner loops."""
+    """Return a compiled `kernel` that is inlined into its callers, for short functions in inner loops."""
     return kernel(function, within=True)
 
 
 def separate(function: F) -> F:
-    """Compile a `kernel` whose callers call its code instead of containing a copy, for long functions."""
+    """Return a compiled `kernel` for long functions: callers call its code instead of containing a copy."""
     compiled = kernel(function, embeds=False)
     separate_code.separate(compiled)
     return compiled
@@ -170,7 +180,7 @@ def _options(*, counted: bool, within: bool = False, reorder_sums: bool = False)
 
 @kernel
 def copy_kernel(values: Any, out: Any) -> None:
-    """Copy a vector; assignment of a slice to a slice may allocate memory."""
+    """Copy a vector to `out`, of the same length; assignment of a slice to a slice may allocate memory."""
     for i in range(out.size):
         out[i] = values[i]
 
@@ -182,7 +192,8 @@ def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
 
     Args:
         signature: Types of the result and of the arguments, as `numba.cfunc` takes them.
-        counted: Whether references to arrays are counted; False is faster, see `kernel`.
+        counted: Whether references to arrays are counted; False is faster, and possible for a function that
+            allocates and returns no array.
     """
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
 

@@ -38,7 +38,7 @@ class QuickFlags(Flags):  # type: ignore[misc]
 
 
 def quicken(dispatcher: Any) -> None:
-    """Make a kernel compile with quick flags.
+    """Change a kernel's dispatcher so that it compiles with `QuickFlags`.
 
     Args:
         dispatcher: Numba's dispatcher of the kernel.  A plain function stays as it is; with NUMBA_DISABLE_JIT

@@ -108,7 +108,7 @@ def embed(dispatcher: Any, part: Any) -> None:
     Args:
         dispatcher: Numba's dispatcher of the kernel.  A plain function stays as it is; with NUMBA_DISABLE_JIT
             kernels are plain functions.
-        part: Its form by `embedded`.
+        part: The kernel's form for other kernels, from `embedded`.
     """
     if isinstance(dispatcher, Dispatcher):
         kernel: Any = dispatcher  # numba's stubs do not allow another method

@@ -31,17 +31,17 @@ class UsageError(HydroError):
 
 
 def shown(text: str) -> str:
-    """Return a text for an error line, quoted and escaped if it would break the line."""
+    """Return a text for an error line: as it is, or quoted and escaped if a character is not printable."""
     return text if text.isprintable() else repr(text)
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words as an enumeration: `a, b and c`."""
+    """Return words as an enumeration, such as `a, b and c`; `last` is the word before the last one."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def in_shell(text: str) -> str:
-    """Return a text as one word of a command that an error line suggests."""
+    """Return a text quoted as one word of a shell command, for a command that an error line suggests."""
     return shlex.quote(text) if text.isprintable() else shown(text)

@@ -19,7 +19,7 @@ class MissingExtraError(UsageError, ImportError):
 
 
 def missing(package: str) -> MissingExtraError:
-    """Return the error for a package that is not installed.
+    """Return (not raise) the error that names the extra of a package that is not installed.
 
     Args:
         package: Import package, a key of `EXTRA_OF`.
@@ -31,10 +31,10 @@ def missing(package: str) -> MissingExtraError:
 
 
 def require(*packages: str) -> None:
-    """Check that packages are installed, without importing them.
+    """Check that import packages, keys of `EXTRA_OF`, are installed, without importing them.
 
     Raises:
-        MissingExtraError: One is not installed.
+        MissingExtraError: A package is not installed.
     """
     for package in packages:
         if importlib.util.find_spec(package) is None:

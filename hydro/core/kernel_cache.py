@@ -270,11 +270,11 @@ class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(caching.FunctionCache):  # type: ignore[misc]
-    """Cache of one function; a fault of it costs time, but never fails.
+    """Cache of one function's machine code on disk; a fault of the cache costs time, but raises nothing.
 
     Args:
         function: The function.
-        place: The folder from `folder`.
+        place: Folder of the cache, which only the user can write to (`folder`).
 
     Raises:
         RuntimeError: The function has no source file.
@@ -304,7 +304,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store a compiled function, if the disk allows it."""
+        """Store the compiled function `data` of a signature; a full or read-only disk gives a warning."""
         tell_compiled()
         if not _Saving.works:
             return

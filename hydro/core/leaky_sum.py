@@ -9,11 +9,11 @@ from hydro.core.compiled import kernel
 
 
 def leaky_sum(values: Array, keep: float) -> Array:
-    """Return y_k = values_k + keep y_k-1 along the rows, from y_-1 = 0.
+    """Return the leaky sum of rows, y_k = values_k + keep y_k-1, from y_-1 = 0.
 
     Args:
-        values: Summands, (N, K).
-        keep: Share of the sum that the next row keeps.
+        values: Summands of K independent sums in N rows, (N, K); unchanged.
+        keep: Share of the sum that the next row keeps, 0 to 1.
 
     Returns:
         The sums, (N, K).

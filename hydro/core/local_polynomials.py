@@ -15,7 +15,9 @@ from hydro.core.columns import Array
 
 
 def savitzky_golay_weights(width: int, degree: int, *, deriv: int = 0, dt: float = 1.0) -> Array:
-    """Return the weights with which a sample and its neighbours make up the polynomial at the sample.
+    """Return the weights of a sample and its neighbours in the value (or derivative) of their polynomial.
+
+    The polynomial is fitted by least squares to `width` samples; its value counts at the middle sample.
 
     Args:
         width: Number of samples of a polynomial, odd and greater than `degree`.
@@ -34,17 +36,19 @@ def savitzky_golay_weights(width: int, degree: int, *, deriv: int = 0, dt: float
 
 
 def savitzky_golay(values: Array, width: int, degree: int, *, deriv: int = 0, dt: float = 1.0) -> Array:
-    """Return samples or their derivatives from the polynomial about each; at the ends, from the last one.
+    """Return smoothed samples or derivatives, from a polynomial fitted about each sample.
+
+    The first and last samples are those of the polynomials through the first and last `width` samples.
 
     Args:
-        values: Samples, (N,) or (N, K) with N >= `width`.
+        values: Samples of one or K channels, (N,) or (N, K) with N >= `width`.
         width: Number of samples of a polynomial, odd and greater than `degree`.
         degree: Degree of the polynomials.
         deriv: Order of the derivative to compute; 0 for the value.
         dt: Time between samples [s].
 
     Returns:
-        The smoothed samples, in the shape of `values`.
+        The smoothed samples, or their derivatives per s^`deriv`, in the shape of `values`.
     """
     out = scipy.ndimage.convolve1d(
         values, savitzky_golay_weights(width, degree, deriv=deriv, dt=dt), axis=0, mode="constant"

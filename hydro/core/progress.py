@@ -9,9 +9,15 @@ Progress = Callable[[str, float], None]
 
 
 def silent(words: str, share: float) -> None:
-    """Ignore the progress."""
+    """Do nothing: the `Progress` of a caller that shows none."""
 
 
 def part(progress: Progress, begin: float, end: float) -> Progress:
-    """Return a callback for a part of the work that spans shares `begin` to `end` of the whole."""
+    """Return a callback that reports the progress of a part of the work as progress of the whole.
+
+    Args:
+        progress: Callback for the whole work.
+        begin: Share of the whole at which the part begins, 0 to 1.
+        end: Share of the whole at which the part ends, 0 to 1.
+    """
     return lambda words, share: progress(words, begin + (end - begin) * share)

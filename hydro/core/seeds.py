@@ -8,10 +8,10 @@ LARGEST = 2**64 - 1  # greatest seed that torch accepts
 
 
 def check(seed: int) -> None:
-    """Check a seed before any other work.
+    """Check that a seed is from 0 to LARGEST, so that every random generator accepts the number.
 
     Raises:
-        UsageError: It is below 0 or has more than 64 bits.
+        UsageError: The seed is below 0 or has more than 64 bits.
     """
     if not 0 <= seed <= LARGEST:
         raise UsageError(f"seed is {seed:.6g}; give one from 0 to 2^64 - 1")

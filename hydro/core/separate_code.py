@@ -40,7 +40,7 @@ _PRIVATE = "_get_module_for_linking", "_shared_module", "_final_module"
 
 
 def separate(dispatcher: Any) -> None:
-    """Make the callers of a kernel refer to its code; only callers compiled from now on do.
+    """Make callers that are compiled from now on refer to a kernel's code instead of copying the code.
 
     Args:
         dispatcher: Numba's dispatcher of the kernel.  Its `compile` runs before a caller is linked.  A plain
@@ -77,7 +77,7 @@ def _declare(result: Any, place: tuple[str, str], arguments: tuple[Any, ...]) ->
 
 
 def referred(library: Any) -> list[Symbol]:
-    """Return the separate code that newly compiled code refers to.
+    """Return the symbols of separate kernels that newly compiled code refers to.
 
     Args:
         library: Numba's code library of the caller.
@@ -89,7 +89,7 @@ def referred(library: Any) -> list[Symbol]:
 
 
 def are_loaded(symbols: Sequence[Symbol]) -> bool:
-    """Load separate code from the cache; return whether all of it has the given symbols.
+    """Load separate kernels from the cache; return whether every given symbol exists in this process then.
 
     Code that was compiled again since has other symbols.  Code that refers to the old ones must not be
     loaded, because LLVM ends the process if it does not find a symbol.

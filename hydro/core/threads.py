@@ -30,10 +30,12 @@ def available() -> int:
 
 
 def require_numbers() -> None:
-    """Refuse numbers of threads in the environment that are none; numba raises on its import otherwise.
+    """Check that HYDRO_THREADS and NUMBA_NUM_THREADS, where they are set, are numbers of threads.
+
+    Numba would raise on its import otherwise.
 
     Raises:
-        UsageError: One of them is not a whole number from 1.
+        UsageError: One of the two is not a whole number from 1.
     """
     for name in (VARIABLE, COMPILER):
         _number(name)
@@ -57,8 +59,13 @@ def _number(name: str) -> int | None:
 def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     """Apply `work` to every item in parallel threads; yield the results in order.
 
-    It pays for work of some hundredths of a second or more.  Compiled kernels run in parallel, and the Python
-    code of one item runs while the kernels of another do.  With one thread, it stays in the current one.
+    This pays for work of some hundredths of a second or more.  Compiled kernels run in parallel, and the
+    Python code of one item runs while the kernels of another do.  With one thread, work stays in the current
+    one.
+
+    Args:
+        work: Function of an item.
+        items: The items; all are read before the first result.
     """
     every = list(items)
     threads = min(available(), len(every))
@@ -78,8 +85,8 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
 def spread(work: Callable[[T], R], pieces: Iterable[T], threads: int | None = None) -> list[R]:
     """Apply `work` to every piece of one evaluation; return the results in order.
 
-    Unlike `shared`, it stays in the current thread if there is one piece or one thread.  An evaluation takes
-    milliseconds, so starting a thread would cost a significant part of it.
+    With one piece or one thread, work stays in the current thread: an evaluation takes milliseconds, and
+    starting a thread would cost a significant part of that.
 
     Args:
         work: Function of a piece; it starts no threads itself.

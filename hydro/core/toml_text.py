@@ -18,10 +18,10 @@ INTEGERS = range(-(2**63), 2**63)
 
 
 def content(text: str) -> dict[str, Any]:
-    """Parse a TOML document.
+    """Return the content of a TOML document as nested dicts and lists.
 
     Raises:
-        DataError: It is not TOML, is nested too deeply, or has an integer of more than 64 bits.
+        DataError: The text is not TOML, is nested too deeply, or has an integer of more than 64 bits.
     """
     if _LONG_KEY.search(text):
         raise DataError(_TOO_DEEP)
@@ -40,10 +40,10 @@ def content(text: str) -> dict[str, Any]:
 
 
 def value(text: str) -> Any:
-    """Parse one TOML value, such as `{mass = 2.0}`.
+    """Return one TOML value, such as `{mass = 2.0}`, as a Python value.
 
     Raises:
-        DataError: As for `content`.
+        DataError: The text is not a TOML value, is nested too deeply, or has an integer of more than 64 bits.
     """
     return content(f"value = {text}")["value"]
 

@@ -116,6 +116,9 @@ class Posterior:
         """Return the probability that each thruster is reversed given an order of the columns, (n,).
 
         It is 0 for an order that is far less likely than others.
+
+        Args:
+            column: Index of the command column of each thruster, from 0, (n,).
         """
         for order in self.orders:
             if order.column == column:
@@ -150,7 +153,7 @@ def effectiveness(found: Balance, column: tuple[int, ...]) -> tuple[Array, Array
 
     Args:
         found: Sufficient statistics of the regression.
-        column: Column of each thruster, (n,).
+        column: Index of the command column of each thruster, from 0, (n,).
     """
     gram, score, _ = _Fit.of(found, column).summed()
     covariance = np.asarray(np.linalg.inv(gram + np.eye(len(gram)) / FREE**2), np.float64)

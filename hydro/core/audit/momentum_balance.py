@@ -140,7 +140,7 @@ class Balance:
 
 
 def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> Balance | None:
-    """Regress the accelerations of a recording on the thrusts of its command columns.
+    """Return the sums of a regression of accelerations on the thrusts of the command columns.
 
     Args:
         vehicle: The vehicle.
@@ -148,7 +148,8 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
         beside: Known wrench on the hull in addition to the forces of the file, at every row, (N, 6) [N, N m].
 
     Returns:
-        The statistics, or None if there are no thrusters, too few windows or no measured acceleration.
+        The sufficient statistics of the regression; None if there are no thrusters, too few windows or no
+        measured acceleration.
     """
     driven = np.array([i for i, one in enumerate(vehicle.thruster) if one.pushes], np.int64)
     rows = int(np.diff(record.segments, axis=1).max(initial=0))

@@ -151,7 +151,10 @@ class ThrusterAudit:
         return f"{told}: {'; '.join(advice)}"
 
     def table(self) -> pl.DataFrame:
-        """Return one row per actuator: effectiveness with its 95 % interval, and whether it is determined."""
+        """Return a table with one row per actuator and the attributes of the same names.
+
+        Columns: `thruster` (from 1), `effectiveness`, `low`, `high` (null for servos) and `seen`.
+        """
         return pl.DataFrame(
             {
                 "thruster": range(1, len(self.seen) + 1),
@@ -225,7 +228,7 @@ class ThrusterAudit:
 
 
 def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> ThrusterAudit | None:
-    """Audit the thrusters of a vehicle file against a recording.
+    """Return the audit of the directions, order and effectiveness of a file's thrusters in a recording.
 
     Args:
         vehicle: The vehicle.

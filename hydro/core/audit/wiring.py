@@ -25,7 +25,7 @@ class Wiring:
 
     @classmethod
     def plain(cls, count: int) -> Wiring:
-        """Return the assignment of the vehicle file for a number of thrusters."""
+        """Return the assignment of the vehicle file: column i drives thruster i, for `count` thrusters."""
         return cls(tuple(range(count)), (1,) * count)
 
     @property
@@ -44,11 +44,11 @@ class Wiring:
         return tuple(i for i, column in enumerate(self.column) if column != i)
 
     def drives(self) -> Iterator[tuple[int, int]]:
-        """Yield command column and sign of each thruster."""
+        """Return an iterator over the thrusters: index of the command column from 0, and sign 1 or -1."""
         return zip(self.column, self.sign, strict=True)
 
     def exchanges(self) -> Iterator[tuple[int, ...]]:
-        """Yield `column` after each possible exchange between two thrusters."""
+        """Yield the n column indices of all thrusters after each exchange of the columns of two thrusters."""
         for i, k in combinations(range(len(self.column)), 2):
             changed = list(self.column)
             changed[i], changed[k] = changed[k], changed[i]
@@ -74,14 +74,14 @@ class Wiring:
         return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
 
     def columns(self) -> tuple[str, ...]:
-        """Return the command columns that drive another thruster than in the file, or drive it in reverse."""
+        """Return the sorted names of command columns that differ from the file in thruster or sign."""
         drives = enumerate(self.drives())
         return tuple(
             sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))
         )
 
     def words(self) -> str:
-        """Return the differences from the file: `cmd_2 drives thruster 1, minus cmd_4 drives thruster 4`."""
+        """Return the differences from the file in words, such as `minus cmd_4 drives thruster 4`; empty without any."""
         changed = [
             f"{'minus ' if sign < 0 else ''}{command_column(column)} drives thruster {i + 1}"
             for i, (column, sign) in enumerate(self.drives())

@@ -51,7 +51,9 @@ class Cleaned:
 
 
 def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> Cleaned:
-    """Correct the faults of a log: bad readings, mislabelled columns, a gyro's bias and outliers.
+    """Return a recording without bad readings, mislabelled columns, a gyro's bias and outliers.
+
+    The given table does not change.
 
     Args:
         vehicle: Vehicle of the recording.

@@ -89,7 +89,7 @@ def ran(record: Recording) -> bool:
 
 
 def moved(record: Recording) -> bool:
-    """Return whether the vehicle moved: velocity or pose of any axis changes by more than its noise."""
+    """Return whether the vehicle moved: whether velocity or pose on any axis changes beyond sensor noise."""
     sigma, every = noise(record), list(channels(record))
     blind = np.zeros(12, bool)
     if record.seen is not None:

@@ -104,7 +104,7 @@ class Baseline:
         return self.file or self.vehicle
 
     def thinned(self) -> Baseline:
-        """Return the baseline over SHOTS shots where its residual is above FAR_FROM_NOISE.
+        """Return the baseline with SHOTS of its shots, if its mean squared residual is above FAR_FROM_NOISE.
 
         Return it unchanged if the residual is smaller or if there are fewer than twice as many shots.  A
         search over a part of the shots is repeated over all of them if it ends below FAR_FROM_NOISE.
@@ -226,6 +226,10 @@ def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputEr
     damping from an equation-error fit, which integrates nothing, replaces the file's linear damping.  If that
     diverges too, it replaces all damping of the file.
 
+    Args:
+        vehicle: Vehicle file.
+        log: Preprocessed recording.
+
     Raises:
         DataError: The recording is too short, or the predictions of every start diverge.
     """
@@ -245,7 +249,7 @@ def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputEr
 
 
 def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
-    """Cut a recording into shots, as long as possible, and drop those whose predictions diverge.
+    """Return a recording cut into shots as long as possible, without shots whose predictions diverge.
 
     Shots are shortened until most predictions of the vehicle stay bounded.
 
@@ -277,7 +281,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
 
 
 def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
-    """Return the shots in which a vehicle's predictions stay bounded; None if too many diverge."""
+    """Return those shots in which a vehicle's predictions stay bounded; None if less than ALMOST_ALL do."""
     problem = OutputError.of(shots, vehicle)
     prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
     stable = multiple_shooting.bounded(prepared, problem.shots)
@@ -285,13 +289,16 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
-    """Refit the file's effects, with each channel weighted by its noise, white or coloured.
+    """Refit the file's effects, and return the fit as the baseline of a search.
+
+    Each channel is weighted by its noise, white or coloured.
 
     Args:
         vehicle: Vehicle file.
         log: Preprocessed recording.
         problem: Shots, starting at the measured states.
-        start: Vehicle from which the fit starts, see `stable_start`.
+        start: Vehicle from which the fit starts: the file, or one with other damping if the predictions of
+            the file diverge.
     """
     effects, warnings = own_effects(start), []
     refitted, problem, reached = weighed_fit(start, effects, problem, log)

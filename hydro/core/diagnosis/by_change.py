@@ -110,8 +110,11 @@ class ByChange:
             vehicle: Vehicle file.
             log: Recording after the change.
             hull: Hull-force model learnt from the earlier recording.
-            further: As the attribute.
-            told: As the attribute.
+            further: Whether the vehicle has changes already, so that the next one must be larger.
+            told: Called with the best candidate after the first fits, or with a sensor error found before.
+
+        Returns:
+            The regime with the compared recording, ready for `select`.
         """
         compared, first = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
         errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
@@ -130,7 +133,7 @@ class ByChange:
         return self.compared.log
 
     def select(self, progress: Progress) -> Changes:
-        """Return the changes, the greatest first."""
+        """Search for changes of the forces; return them with their joint fit, the greatest first."""
         if self.told is not None and self.errors:
             first = self._sensor_findings()[0]
             self.told(Provisional(first.effect, first.confidence, first.share))
@@ -160,7 +163,10 @@ class ByChange:
         return True
 
     def best(self, changes: Changes, progress: Progress) -> Change | None:
-        """Fit candidates, and return the one with the least penalised held-out cost; None without a fit."""
+        """Fit candidates for the next change, and return the step with the best of them; None without a fit.
+
+        The best has the least penalised held-out cost.
+        """
         count, last = len(changes.found), self._last(changes)
         here = part(progress, 0.3 + 0.1 * count, 0.4 + 0.1 * count)
         here(f"{count} changes found, looking for more", 0.0)
@@ -169,11 +175,11 @@ class ByChange:
         return Change.of(self.compared, last, contend(self.compared, last, names, here, first_fits))
 
     def belongs(self, changes: Changes, change: Change) -> bool:
-        """Return whether a change is large enough to be named (`Change.seen`)."""
+        """Return whether the best candidate of a step is large enough to be named beside `changes`."""
         return change.seen(further=self.further or bool(changes.found))
 
     def added(self, changes: Changes, change: Change) -> Changes:
-        """Return the changes with a new one; the first is dropped if the new one fits better alone."""
+        """Return changes with one more, without the first of them if the new one fits better alone."""
         return Changes(tuple(reconsidered(self.compared, self.first, [*changes.found, change])))
 
     def findings(self, changes: Changes) -> list[Finding]:
@@ -208,7 +214,10 @@ class ByChange:
         return were_there_before(self.compared, self.file, plain)
 
     def diagnosis(self, changes: Changes, findings: Sequence[Finding]) -> Diagnosis:
-        """Return the vehicle with all changes; residuals are in units of the floor of the hull model."""
+        """Return the diagnosis: findings, the vehicle with all changes, and every candidate.
+
+        Mean squared residuals are in units of the floor of the hull model.
+        """
         last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
         tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
         chi2 = (self.given, self.given, self.compared.chi2(last))
@@ -520,7 +529,7 @@ def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:
-    """Fit changes of a file together, with the rest of the file and the hull forces held fixed.
+    """Return the joint fit of changes of a file, with the rest of the file and the hull forces held fixed.
 
     Components that start at the file's values stay there: the diagnosis has found that they are not needed.
 
@@ -544,7 +553,7 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
 
 
 def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequence[Entry]) -> Fit:
-    """Return the joint posterior of all changes, with the error of the hull model integrated out.
+    """Return the joint posterior of all changes as a fit, with the error of the hull model integrated out.
 
     All components of the changed effects are free, also those that the search held at the file's values.  A
     held component that has changed a little would bias the others.  Only `entries` get new values.

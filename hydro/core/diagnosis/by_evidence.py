@@ -112,7 +112,7 @@ class ByEvidence:
         return self.baseline.log
 
     def select(self, progress: Progress) -> Named:
-        """Name one change, after the velocity sensor errors that kinematics shows."""
+        """Return the one change that is named, after the velocity sensor errors that kinematics shows."""
         baseline, errors = self.baseline, list(_sensor_errors(self.baseline, self.outcome))
         read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
         rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
@@ -136,7 +136,7 @@ class ByEvidence:
         return [with_implausible(finding, baseline.vehicle) for finding in found]
 
     def diagnosis(self, named: Named, findings: Sequence[Finding]) -> Diagnosis:
-        """Return the fit of the named change; no experiment is planned, because no model is right."""
+        """Return the diagnosis with the fit of the named change, without questions for a next experiment."""
         models, fit = (self.baseline.given, named.refitted, named.model), named.fit
         given, refitted, found = (model.normal.chi2 for model in models)
         vehicle = fit.vehicle if fit else named.model.vehicle
@@ -174,7 +174,7 @@ def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Name the change with the most evidence, or with the largest share of held-out error removed.
+    """Return one named change: that with the most evidence, or that removing the most held-out error.
 
     Values that physics excludes show that an effect stands for another.  Then the next best with plausible
     values is named, if its score is at least NEARLY_EQUAL of the first one's.
@@ -225,7 +225,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
 
 
 def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
-    """Rank a survey by evidence with the hull force free, unless the largest is below LEAST_EVIDENCE.
+    """Return a survey ranked by evidence with the hull force free; unchanged below LEAST_EVIDENCE.
 
     The survey of a file without drag stays ranked by transfer, because the hull force would take over the
     drag.

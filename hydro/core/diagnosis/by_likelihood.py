@@ -74,7 +74,7 @@ class ByLikelihood:
         return self.search.baseline.log
 
     def select(self, progress: Progress) -> Outcome:
-        """Reconsider the effects found, and fit them together to convergence."""
+        """Return the outcome with the effects found reconsidered, and fitted together to convergence."""
         settled = self.search.settle(self.outcome, part(progress, 0.45, 0.8))
         progress("joint fit", 0.8)
         return refine(self.search.baseline, settled)
@@ -85,7 +85,7 @@ class ByLikelihood:
         return [with_implausible(one, baseline.vehicle) for one in verdicts(baseline, outcome)]
 
     def diagnosis(self, outcome: Outcome, findings: Sequence[Finding]) -> Diagnosis:
-        """Return the joint fit, with the rivals of uncertain findings as open questions."""
+        """Return the diagnosis with the joint fit, and the rivals of uncertain findings as open questions."""
         baseline, fit = self.search.baseline, outcome.fit
         models = (baseline.given, baseline.refitted, outcome.model)
         given, refitted, found = (model.normal.chi2 for model in models)
@@ -148,7 +148,7 @@ def selected(
 def searched(
     baseline: Baseline, progress: Progress, provisional: Told | None = None
 ) -> tuple[Search, Outcome]:
-    """Search for missing effects from the refitted values, then from the file's values if no model fits.
+    """Search for missing effects from the refitted values, or from the file's values if no model fits.
 
     Without the missing effect, refitted values may run away and no step leads back from them.  So where the
     first effect that joins leaves a residual above FAR_FROM_NOISE, the file's values are tried before a
@@ -160,7 +160,7 @@ def searched(
         provisional: Called with the best candidate after the first fits.
 
     Returns:
-        The better search and its outcome.
+        The better of the two searches, and its outcome.
     """
     first = Search(baseline, told=provisional)
     again = replace(first, from_file=True)
@@ -200,7 +200,10 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
-    """Fit everything found and the existing effects together, with values shrunk to the file's."""
+    """Return an outcome with everything found and the existing effects fitted together.
+
+    Values are shrunk to those of the file.  If the joint fit diverges, values stay and a warning is added.
+    """
     model, warnings = outcome.model, baseline.warnings
     try:
         model = continue_fit(model, ITERATIONS, share=0.0)
@@ -263,9 +266,10 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
 
 
 def excess_share(baseline: Baseline, model: Model) -> float:
-    """Return the share of the error that a model leaves, beyond what uncertain noise levels allow.
+    """Return the share, 0 or more, of the baseline fit's error beyond the noise that a model leaves.
 
-    It may be too small to be reported, and yet as large as the share of a small effect.
+    A share MATERIAL of the noise is not counted, because noise levels are uncertain.  The result may be
+    too small to be reported, and yet as large as the share of a small effect.
     """
     beyond = model.excess - MATERIAL * model.normal.residuals
     return float(max(beyond, 0.0) / max(baseline.refitted.excess, 1e-9))

@@ -47,7 +47,7 @@ IMITATES = (
 
 
 def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> list[Finding]:
-    """Lower the confidence of findings that may be disturbances, and add a warning.
+    """Return findings with less confidence where they may be disturbances, and a warning as a last one.
 
     Findings of a recording without feedback are returned as they are.
 

@@ -219,7 +219,7 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
 
 
 def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
-    """Divide the share that overlapping findings explain together among these findings.
+    """Return findings with the share that they explain together divided among them, if they overlap.
 
     Each adds little to the others, and the sum of these additions is far less than the share together.  Each
     then gets a part of `together` in proportion to its addition.  Findings that do not overlap are returned
@@ -244,7 +244,7 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
 
 
 def discounted_by_unexplained(finding: Finding, rest: float) -> Finding:
-    """Lower the confidence of a finding, with a warning, where the unexplained error is of similar size.
+    """Return a finding with less confidence and a warning where the unexplained error is of similar size.
 
     Where a pilot or a controller reacts to a disturbance such as waves, disturbance and reaction are
     correlated, and estimates of inertia or damping are biased.  A small effect may also absorb an error of
@@ -266,7 +266,7 @@ def discounted_by_unexplained(finding: Finding, rest: float) -> Finding:
 
 
 def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Finding]:
-    """Lower the confidence of all but the largest finding by the ratio of their shares.
+    """Return findings with the confidence of each multiplied by its share over the largest share.
 
     This applies above RIGHT times the noise, where formulas also absorb the hull's error: of 45 further names
     next to a right one none was right (`benchmarks.imperfect_base`, seeds 99000 to 99059).
@@ -297,7 +297,7 @@ def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
     Args:
-        frequency: Share of the resamples in which the effect wins, see `selection_frequency`.
+        frequency: Share of the resamples in which the effect has the least penalised cost, 0 to 1.
         left: Mean squared residual of the model, in units of the noise.
     """
     return frequency if left <= RIGHT else RIGHT_ABOVE * frequency
@@ -327,7 +327,7 @@ def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     remove nearly all of an error, any of them could be right.
 
     Args:
-        score: Share of the held-out error that the effect removes, see `diagnosis.transfer`.
+        score: Share of the held-out error that the effect removes, beyond the share that it absorbs.
         others: Scores of all other effects.
     """
     next_best = max(others, default=-math.inf)
@@ -344,7 +344,7 @@ def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
     log evidence of 1558 by 109.
 
     Args:
-        evidence: Log evidence of the effect, see `residual.allowance`.
+        evidence: Log evidence of the effect beyond that of the file, with the hull force integrated out.
         others: Log evidence of all other effects.
     """
     by_chance = LEAST_EVIDENCE + CHANGED * max(evidence, 0.0)

@@ -185,7 +185,7 @@ class Compared:
         return float(self.weight @ model.costs) / self.floor(model)
 
     def corrected(self, vehicle: Vehicle) -> OutputError:
-        """Return the shots corrected for the hull force, with a vehicle's response to that force."""
+        """Return the shots, from the measured states, corrected by a vehicle's response to the hull force."""
         shots = self.problem.shots
         transitions = Transitions.of(candidate(vehicle), shots)
         return self.hull.acting(vehicle, transitions).at_measured_states(vehicle)
@@ -331,7 +331,18 @@ def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Sus
 
 
 def scored_by_one_step(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[str, Scored]:
-    """Return each effect's best score by one Gauss-Newton step and its table, the best first."""
+    """Return each effect's score by one Gauss-Newton step and the table of that step, the best effect first.
+
+    The score is the share of the held-out squared residual that the step removes, less a small penalty.
+
+    Args:
+        compared: Recording after the change.
+        last: Vehicle with the changes so far.
+        tried: Candidates; of several for one effect, the best counts.
+
+    Returns:
+        Pairs of score and `[[effect]]` table, by effect.
+    """
     changed = [vehicle for suspect in tried for vehicle in suspect.changed]
     steps = [step for suspect in tried for step in suspect.steps]
     normal = last.problem.linearise(last.vehicle, changed, steps)
@@ -375,7 +386,7 @@ def _needed(compared: Compared, normal: Normal, columns: Sequence[int]) -> list[
 def fitted(
     compared: Compared, last: Model, table: Table, iterations: int = QUICK_STEPS, least: float = np.inf
 ) -> Contender:
-    """Fit an effect from a table's values, with the hull forces that act on the fitted vehicle.
+    """Return an effect as a contender, fitted with the hull forces that act on the fitted vehicle.
 
     A first fit with more than FIT times the cost `least` is not refined, because it cannot become the best.
 
@@ -403,10 +414,15 @@ def fitted(
 
 
 def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
-    """Refit effects with the hull forces evaluated on the motion of the fitted vehicle, until they converge.
+    """Return a model refitted with the hull forces on the motion of the fitted vehicle, until convergence.
 
     A vehicle of different mass or drag responds differently to the same hull force.  After a large change,
     the correction with the last vehicle's response leaves several floors, which another effect would absorb.
+
+    Args:
+        compared: Recording after the change.
+        last: Vehicle with the changes so far.
+        model: `last` with the fitted candidate effects.
     """
     names = model.unknown.effects
     for _ in range(QUICK_STEPS // 2):
@@ -422,7 +438,7 @@ def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
 
 
 def without_needless_entries(compared: Compared, last: Model, whole: Contender) -> Contender:
-    """Drop components of a contender whose held-out gain is below their penalty, and refit the others.
+    """Return a contender without components whose held-out gain is below their penalty; others are refitted.
 
     Usually one thruster fails, not all of them, and free components follow the hull's error.  The problem
     linearised about the fit shows which components are needed.  So this applies to effects that are linear in
@@ -466,7 +482,7 @@ def fitted_together(
     iterations: int = QUICK_STEPS,
     about: Vehicle | None = None,
 ) -> Model:
-    """Fit several candidate effects together to the residual of a vehicle.
+    """Return a model of the last vehicle with several candidate effects fitted together.
 
     Args:
         compared: Recording after the change.

@@ -343,7 +343,7 @@ def by_name(suspected: Mapping[str, float]) -> str:
 
 
 def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
-    """Return the vehicle with these `[[effect]]` tables in place of those of the same name, or appended.
+    """Return a vehicle whose `[[effect]]` tables are updated by tables of the same name, or extended by them.
 
     Keys that a new table lacks keep their values; keys with the value None are removed.
     """
@@ -385,7 +385,7 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
 def limited_confidence(
     confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
 ) -> float:
-    """Limit the confidence in a name to DOUBTFUL where physics excludes its values.
+    """Return the confidence in a name, at most DOUBTFUL where physics excludes the fitted values.
 
     Args:
         confidence: Confidence in the name.
@@ -399,7 +399,7 @@ def limited_confidence(
 
 
 def doubted_gain(finding: Finding, record: Recording) -> Finding:
-    """Make a finding of thruster gains unconfirmed where a wrong inertia predicts the same motion.
+    """Return a finding, as unconfirmed if it is thruster gains and a wrong inertia predicts the same motion.
 
     A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
     weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
@@ -417,7 +417,7 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
-    """Add a warning to a finding's advice about values outside the range that physics allows.
+    """Return a finding with a warning in its advice about each value outside the range that physics allows.
 
     Args:
         finding: Finding, with or without values.

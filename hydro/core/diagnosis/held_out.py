@@ -36,7 +36,9 @@ from hydro.core.vehicle.description import Vehicle
 def predicted(
     diagnosis: Diagnosis, vehicle: Vehicle, log: Preprocessed, progress: Progress = silent
 ) -> Diagnosis:
-    """Add the prediction errors to a diagnosis, unless the recording has too few long stretches.
+    """Return a diagnosis with `prediction` filled in, and `error_added` of each finding with values.
+
+    A recording with fewer than FOLDS stretches of JUDGED seconds gives the diagnosis unchanged.
 
     Args:
         diagnosis: Diagnosis.

@@ -84,7 +84,11 @@ class Preprocessed:
         return replace(self, audit=None)
 
     def audited(self, found: ThrusterAudit | None) -> Preprocessed:
-        """Return the recording with its audit, and with all that was computed from it for the audit."""
+        """Return a copy with a thruster audit, and with the sensor tests and shots already computed.
+
+        Args:
+            found: Audit of this recording; None if the recording is too short for an audit.
+        """
         whole = replace(self, audit=found)
         vars(whole).update({name: vars(self)[name] for name in ("sensors", "lateness") if name in vars(self)})
         whole._shots.update(self._shots)
@@ -139,7 +143,7 @@ class Preprocessed:
 
 
 def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) -> Preprocessed:
-    """Clean a recording, and order its commands as the accelerations require.
+    """Return a recording cleaned, with its command columns in the order that the accelerations require.
 
     Args:
         vehicle: Vehicle file.
@@ -171,7 +175,7 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
 
 
 def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None) -> Preprocessed:
-    """Clean another recording, with the order of commands that was found in a first one.
+    """Return another recording cleaned, with the order of commands that was found in a first one.
 
     Args:
         vehicle: Vehicle file.

@@ -131,7 +131,9 @@ def fit_model(
     share: float = STEP_SHARE,
     known: Callable[[Free], Prior] | None = None,
 ) -> Model:
-    """Fit effects to the shots from their present values; without effects, return the vehicle as it is.
+    """Return a model of a vehicle with effects fitted to the shots; without effects, an unfitted model.
+
+    Effects given by name start from the vehicle's values.
 
     Args:
         vehicle: Vehicle.
@@ -174,14 +176,26 @@ def _settled(model: Model, iterations: int, share: float) -> Model:
 
 
 def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
-    """Return the model at the starting values of a fit; for the arguments see `fit_model`."""
+    """Return the model at the starting values of a fit, linearised there.
+
+    Args:
+        vehicle: Vehicle.
+        effects: Names or starting tables of the effects that would be fitted.
+        problem: Shots.
+        reach: Positions [m] and times [s] of the recording, (N, 4), where fixed points are sought.
+    """
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
 def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Model:
-    """Continue the fit of a model from its values; for the arguments see `fit_model`.
+    """Return a new model whose fit continues from the values of another; that model stays as it is.
+
+    Args:
+        model: Model whose values are the start; the prior is the weak default one.
+        iterations: Maximum number of steps.
+        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -193,7 +207,7 @@ def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Mo
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
-    """Refit a model with some of its P components held.
+    """Return a model refitted with some of its P components held.
 
     Args:
         model: Model.
@@ -252,7 +266,7 @@ def _descended(
 
 
 def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
-    """Return the vehicle without free components; its cost is infinite where its predictions diverge."""
+    """Return a vehicle as a model without free components; shots that diverge have infinite costs."""
     unfree = Free(vehicle, (), (np.zeros(0),), frozenset())
     return Model(unfree, np.zeros(0), problem, problem.linearise(vehicle, [], []))
 
@@ -262,8 +276,14 @@ def fitted_or_kept(
 ) -> tuple[Model, bool]:
     """Return the vehicle with the parameters of some effects fitted to convergence, and True.
 
-    If the fit diverges, return the model with the vehicle's present values, and False.  For the arguments see
-    `fit_model`.
+    If the fit diverges, return the model with the vehicle's present values, and False.
+
+    Args:
+        vehicle: Vehicle.
+        effects: Names or starting tables of the effects to fit.
+        problem: Shots.
+        reach: Positions [m] and times [s] of the recording, (N, 4), where fixed points are sought.
+        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
 
     Raises:
         Diverges: The predictions diverge with the present values too.
@@ -295,8 +315,8 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
     Args:
         model: Fitted model.
         problem: Shots, starting at the measured states.
-        reach: As for `fit_model`.
-        share: As for `fit_model`.
+        reach: Positions [m] and times [s] of the recording, (N, 4), where fixed points are sought.
+        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
     """
     if model.excess < MATERIAL * model.normal.residuals:
         return model
@@ -360,7 +380,7 @@ class Screening:
 
 
 def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
-    """Test candidates against a model's residual.
+    """Return the linearised test of candidates against a model's residual.
 
     Args:
         model: Model, over a part of the shots or all of them.
@@ -390,7 +410,7 @@ def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
 
 
 def beyond_noise(model: Model) -> float:
-    """Return the mean squared residual beyond the noise."""
+    """Return the mean squared residual of a model beyond the noise, in units of the noise variance."""
     return model.excess / model.normal.residuals
 
 

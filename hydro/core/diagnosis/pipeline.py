@@ -55,13 +55,13 @@ class Regime(Protocol[Selection]):
         """Recording."""
 
     def select(self, progress: Progress) -> Selection:
-        """Screen, fit and score candidates, select effects, and fit them together."""
+        """Screen, fit and score candidates; return the selected effects, fitted together."""
 
     def findings(self, selection: Selection) -> list[Finding]:
         """Return the findings with their calibrated confidence, and what the recording cannot show."""
 
     def diagnosis(self, selection: Selection, findings: Sequence[Finding]) -> Diagnosis:
-        """Return the findings with the fitted vehicle, every candidate, and questions that stay open."""
+        """Return a diagnosis: the findings, the fitted vehicle, every candidate, and open questions."""
 
 
 def diagnose(
@@ -78,7 +78,7 @@ def diagnose(
         vehicle: Vehicle file.
         raw: Raw table of the measured motion and commands.
         before: Raw table of the same vehicle before a change.  The hull-force error of the file is learnt
-            from it and held fixed, see `diagnosis.by_change`.
+            from that table and held fixed, so that only changes since then are found.
         corrected: Continue where the thrusters contradict the file, with the command columns assigned and
             signed as the audit of the log found them.
         progress: Called with a short text and the share of the work done.
@@ -100,11 +100,11 @@ def diagnose(
 
 
 def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
-    """Learn the hull-force model from the raw table of an unchanged vehicle.
+    """Return a model of the hull-force error of a file, learnt from a recording of the unchanged vehicle.
 
     Args:
         vehicle: Vehicle file.
-        before: Raw table.
+        before: Raw table of the recording.
         law: Hull force if it is known, for instance as a network; by default the built-in regression.
 
     Raises:
@@ -128,7 +128,7 @@ def diagnose_log(
     progress: Progress | None = None,
     provisional: Told | None = None,
 ) -> Diagnosis:
-    """Diagnose a cleaned recording.
+    """Diagnose a cleaned recording; return the findings, the largest share first.
 
     Where the thruster audit contradicts the file, that is the only finding and no effect is named.  The
     search continues in two cases: with a log `as_audited`, and with a hull-force model, whose recording had
@@ -146,7 +146,7 @@ def diagnose_log(
         beyond: Function that extends a diagnosis without a finding before its status is written; not with
             `file`.
         progress: Called with a short text and the share of the work done.
-        provisional: Called with the best candidate after the first fits, see `diagnosis.provisional`.
+        provisional: Called once, with the best candidate after the first fits.
     """
     progress = progress or silent
     search = progress if file is not None else part(progress, 0.0, ANSWERED)
@@ -191,7 +191,7 @@ def misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
 def without_discrepancy(
     calm: Baseline, progress: Progress, in_vain: bool, provisional: Told | None
 ) -> Diagnosis:
-    """Diagnose one recording; waves that it shows count as noise and become a finding.
+    """Return the diagnosis of one recording; waves that the recording shows count as noise and are a finding.
 
     The search is repeated without waves where the findings explain the same motion: a vehicle whose buoyancy
     turns it over swings with a period of some seconds, as in waves.
@@ -199,8 +199,9 @@ def without_discrepancy(
     Args:
         calm: Baseline fit that does not allow for waves.
         progress: Called with a short text and the share of the work done.
-        in_vain: As for `diagnose_log`.
-        provisional: As for `diagnose_log`.
+        in_vain: Whether an earlier search stayed far from the noise; candidates are then ranked by transfer
+            at once if the residual is above FAR_FROM_NOISE.
+        provisional: Called with the best candidate after the first fits.
     """
     baseline = allowing_for_waves(calm)
     found = chosen_and_reported(baseline, progress, in_vain, provisional)
@@ -219,13 +220,14 @@ def without_discrepancy(
 def chosen_and_reported(
     baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
 ) -> Diagnosis:
-    """Diagnose from a baseline fit, by likelihood if a model reaches the noise, or else by evidence.
+    """Return the diagnosis from a baseline fit, by likelihood if a model reaches the noise, else by evidence.
 
     Args:
         baseline: Baseline fit.
         progress: Called with a short text and the share of the work done.
-        in_vain: As for `diagnose_log`.
-        provisional: As for `diagnose_log`.
+        in_vain: Whether an earlier search stayed far from the noise; candidates are then ranked by transfer
+            at once if the residual is above FAR_FROM_NOISE.
+        provisional: Called with the best candidate after the first fits.
     """
     search, outcome = selected(baseline, progress, in_vain, provisional)
     if search.wrong(outcome):
@@ -234,7 +236,7 @@ def chosen_and_reported(
 
 
 def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
-    """Select effects in a regime and return the diagnosis."""
+    """Select effects in a regime, and return the diagnosis with the log's faults before the findings."""
     selection = regime.select(progress)
     progress("verdicts", 0.9)
     findings = regime.findings(selection)

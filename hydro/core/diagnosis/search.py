@@ -114,16 +114,19 @@ class Search:
         return there and not left <= RIGHT and not self.baseline.explained(model) >= ALMOST_ALL
 
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
-        """Test all effects that are not in the model against its residual."""
+        """Return the linearised test of all effects outside a model against the model's residual."""
         known = [*self.baseline.effects, *chosen]
         return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.track))
 
     def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
-        """Test some candidates against a model's residual, see `model.screened`."""
+        """Return the linearised test of candidates against a model's residual, scaled to all shots."""
         return screened(model, tried, len(self.baseline.problem.shots.starts))
 
     def fewer(self, model: Model) -> Model:
-        """Return the model over SHOTS / 2 shots where its residual is above RIGHT times the noise."""
+        """Return the model over SHOTS / 2 shots if its residual is above RIGHT times the noise.
+
+        Otherwise, and with fewer than SHOTS shots, return the model itself.
+        """
         enough = model.normal.chi2 > RIGHT and len(model.costs) >= SHOTS
         return model.some(SHOTS // 2) if enough else model
 
@@ -135,7 +138,7 @@ class Search:
         progress: Progress,
         known: Mapping[str, Model] | None = None,
     ) -> dict[str, Model]:
-        """Fit the candidates with the largest gains together with the model.
+        """Fit each of the candidates with the largest gains together with the model.
 
         One test over all effects decides whether something is missing; the fits decide which.  An effect with
         many parameters may be the answer although few blocks cannot test it alone.  Errors of the velocity
@@ -187,6 +190,9 @@ class Search:
             gains: Gain of each candidate to be fitted, by effect.
             progress: Called with a short text and the share of the work done.
             known: Existing fits by effect, which compete with the new ones.
+
+        Returns:
+            The fits to convergence over all shots, by effect.
         """
         few = screening.model is not model
         rivals = {name: fit.some(SHOTS // 2) if few else fit for name, fit in known.items()}
@@ -213,9 +219,9 @@ class Search:
             self.told(best)
 
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
-        """Return the fits together with simpler special cases of the best effect.
+        """Return fits, by effect, together with fits of simpler special cases of the best effect.
 
-        A special case within DISTINCT standard errors of the general effect replaces it.
+        The best effect is left out if a special case is within DISTINCT standard errors of it.
         """
         best = leader(fits)
         if best is None:
@@ -269,7 +275,7 @@ class Search:
         return fits
 
     def converged(self, quick: Model, before: Model, chosen: Sequence[str]) -> Model:
-        """Fit a candidate to convergence over all shots: a name rests on the difference of two fits.
+        """Return a candidate fitted to convergence over all shots.
 
         The fit restarts at the measured states, because initial states fitted with a poor model can hold a
         good one back.  If both starts diverge, the quick fit is returned.
@@ -304,7 +310,13 @@ class Search:
         return best
 
     def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
-        """Return the model with a candidate, fitted from the solution of the linearised problem."""
+        """Return a screening's model with one candidate, fitted from the solution of the linearised problem.
+
+        Args:
+            chosen: Effects that joined the model.
+            screening: Test of the candidate, with the model.
+            name: Effect of the candidate.
+        """
         model, (suspect, columns) = screening.model, screening.ranked[name]
         both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
         _, step[both] = linear_step(screening.normal, both)
@@ -326,7 +338,7 @@ class Search:
         other: Outcome | None = None,
         far: float = np.inf,
     ) -> Outcome:
-        """Add the best effect until no other is significant and material.
+        """Add the best effect until no other is significant and material; return the outcome.
 
         Args:
             progress: Called with a short text and the share of the work done.
@@ -354,7 +366,7 @@ class Search:
         return not (repeats or self.explains_little(model, found) or self.waits(model, found, self.far))
 
     def best(self, state: Grown, progress: Progress) -> Round:
-        """Screen all effects, and return the fitted one with the least penalised cost."""
+        """Screen all effects; return the round with the fitted effect of the least penalised cost, if any."""
         model, count = state.model, len(state.found)
         told = part(progress, 0.2 + 0.12 * count, 0.32 + 0.12 * count)
         told(f"{count} found, looking for more", 0.0)
@@ -370,19 +382,29 @@ class Search:
         return Round(screening, None if best is None else Found(best, screening.p_value, fits))
 
     def belongs(self, state: Grown, step: Round) -> bool:
-        """Return whether the best effect is material, or shown by kinematics."""
+        """Return whether a round found an effect that is material, or visible and shown by kinematics.
+
+        Args:
+            state: Model before the round.
+            step: The round; without a fitted effect the result is False.
+        """
         if step.found is None:
             return False
         gain = state.model.normal.cost - step.found.model.normal.cost
         return self.baseline.belongs(step.found.effect, gain, state.model)
 
     def added(self, state: Grown, step: Round) -> Grown:
-        """Return the model with one more effect."""
+        """Return the state with the effect of a round, whose fit becomes the model."""
         assert step.found is not None
         return Grown(step.found.model, (*state.found, step.found))
 
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
-        """Return whether the findings explain so little that the search ends."""
+        """Return whether findings explain too small a share of the baseline fit's error to continue.
+
+        Args:
+            model: Model with the findings; it counts only if its residual is above RIGHT times the noise.
+            found: Findings; those that kinematics shows are not counted.
+        """
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
         least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
@@ -390,12 +412,20 @@ class Search:
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
         """Return whether another search should precede a second effect of this one.
 
-        That is so if the first effect leaves more than `far` times the noise.
+        That is so if the first effect leaves more than `far` times the noise, and explains enough to go on.
+
+        Args:
+            model: Model with the findings so far.
+            found: Findings so far.
+            far: Mean squared residual in units of the noise.
         """
         return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
     def telling(self, screening: Screening, model: Model) -> bool:
-        """Return whether any effect may be material, with the gains of nonlinear effects scaled up."""
+        """Return whether any tested effect may be large enough for a finding.
+
+        Gains of nonlinear effects are scaled up, because the linearised test shows only a part of them.
+        """
         return any(
             self.baseline.belongs(name, most_gain(name, gain), model)
             for name, gain in screening.gains.items()
@@ -435,7 +465,7 @@ class Search:
         return fits
 
     def settle(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Drop and swap findings (`reconsider`), and continue the search if that changed them."""
+        """Return an outcome with findings dropped or swapped; if that changed them, the search continues."""
         kept = self.reconsider(outcome, part(progress, 0.0, 0.4))
         if kept.effects == outcome.effects or not kept.found:
             return kept
@@ -445,7 +475,7 @@ class Search:
         return self.reconsider(further, part(progress, 0.8, 1.0))
 
     def reconsider(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Drop findings that the others make needless, and swap those that another effect replaces better."""
+        """Return an outcome without needless findings, and with better effects in the place of others."""
         model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
         for number, one in enumerate(outcome.found):
@@ -501,7 +531,12 @@ class Search:
 
 
 def most_gain(effect: str, gain: float) -> float:
-    """Return the largest gain that a fit of an effect may have, from its gain in the linearised problem."""
+    """Return the largest gain in squared residual that a fit of an effect may have.
+
+    Args:
+        effect: Name of the effect.
+        gain: Gain in the linearised problem, which shows only a part of that of a nonlinear effect.
+    """
     return gain * (SIMILAR / SIMILAR_CURVED if is_curved(effect) else 1.0)
 
 

@@ -21,7 +21,7 @@ def status(
     left: float | None = None,
     prediction: Prediction | None = None,
 ) -> Status:
-    """Return the overall result of some findings.
+    """Return the overall result of the findings of a diagnosis: kind, title and sentences.
 
     Args:
         findings: Findings of one diagnosis, the largest share first.
@@ -110,7 +110,7 @@ def percent(confidence: float) -> str:
 
 
 def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
-    """Add to each finding with values a sentence that states them.
+    """Return a diagnosis whose findings with values have a sentence that states the values.
 
     Args:
         diagnosis: Diagnosis.

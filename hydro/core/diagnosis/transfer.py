@@ -163,7 +163,7 @@ class Known:
     released: frozenset[str] = frozenset()
 
     def releasing(self, effect: str) -> Known:
-        """Return the priors with one effect free to have any plausible values."""
+        """Return priors in which one effect alone may have any plausible values."""
         return replace(self, released=frozenset({effect}))
 
     def __call__(self, unknown: Free) -> Prior:
@@ -200,7 +200,9 @@ def resolved(problem: OutputError) -> OutputError:
 
 
 def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
-    """Fit every effect of the catalogue together with the existing ones, and score it by transfer.
+    """Fit each effect of the catalogue together with the existing ones; return all fits, the best first.
+
+    Each is scored by the error that it removes from held-out data.
 
     Args:
         baseline: Vehicle file and shots, starting at the measured states.
@@ -245,7 +247,7 @@ def has_drag(file: Vehicle) -> bool:
 
 
 def weighed(rival: Rival) -> Rival:
-    """Return the rival with the share of hull error that its effect absorbs, which does not count.
+    """Return a copy of a rival whose `absorbs` is the catalogue's, so that this share does not count.
 
     This is for a file that has drag, and so describes the hull.
     """
@@ -253,7 +255,7 @@ def weighed(rival: Rival) -> Rival:
 
 
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
-    """Rank rivals by score less a penalty for each component.
+    """Return rivals, the best first, by score less a penalty for each component.
 
     Args:
         rivals: Fitted effects.
@@ -306,8 +308,8 @@ def regimes_of(shots: Shots) -> Rows:
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
     """Return the held-out squared residual of each of S shots, with components held to their priors, (S,).
 
-    See `confidence.left_out_costs`.  It is NaN where the other folds keep less than LEAST_INFORMATION on the
-    components `new`.
+    Each is predicted by one Gauss-Newton step to the fit of all other folds.  It is NaN where those folds
+    keep less than a share LEAST_INFORMATION of the information on the components `new`.
 
     Args:
         model: Fitted model.
@@ -321,7 +323,7 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
 
 
 def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots) -> Squares:
-    """Predict each stretch of a recording with a fit of effects to the other stretches.
+    """Return the squared errors of predicting each stretch with a fit of effects to the other stretches.
 
     Args:
         vehicle: Vehicle with the fitted values.
@@ -330,7 +332,8 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
         ahead: Shots of the same recording that are predicted, as long as the horizon of the error.
 
     Returns:
-        The squared errors; those of velocities BEYOND all bounds where a fit diverges.
+        Sums of squared velocity errors and numbers of samples, per shot of `ahead` and axis.  Where a fit
+        diverges, all errors are those of velocities BEYOND all bounds.
     """
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     if not fitted:

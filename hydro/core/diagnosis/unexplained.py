@@ -136,7 +136,9 @@ def _has_steady_force(baseline: Baseline, model: Model) -> bool:
 def with_steady_wrenches(
     problem: OutputError, vehicle: Vehicle, changed: Sequence[Vehicle] = (), steps: Sequence[float] = ()
 ) -> Normal:
-    """Return the problem linearised in six steady wrenches: forces in NED, moments about the body axes.
+    """Return the problem linearised in six steady wrench components: forces in NED, moments in body axes.
+
+    The six columns come first; with a small change of the vehicle each, further columns follow.
 
     Args:
         problem: Shots.

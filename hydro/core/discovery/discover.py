@@ -112,7 +112,7 @@ class Discovery:
         return tuple(name for name in self.baseline.effects if name != FORMULA.name)
 
     def fitted(self, vehicle: Vehicle, steps: int) -> Choice:
-        """Fit the formula of a vehicle together with the effects of the file.
+        """Return the formula of a vehicle fitted together with the effects of the file, with held-out costs.
 
         Args:
             vehicle: Vehicle with the formula.
@@ -179,7 +179,7 @@ class Discovery:
         return len(_terms(choice.model.vehicle)) - len(_terms(self.baseline.vehicle))
 
     def added(self, choice: Choice, tried: Choice) -> Choice:
-        """Return the accepted formula `tried`, as `selection.grow` needs it."""
+        """Return `tried`, the formula so far with the accepted term; `choice` is the formula before."""
         return tried
 
     def belongs(self, choice: Choice, tried: Choice) -> bool:
@@ -242,7 +242,7 @@ class Discovery:
 def discovered(
     vehicle: Vehicle, log: Preprocessed, diagnosis: Diagnosis, progress: Progress | None = None
 ) -> Diagnosis:
-    """Add a discovered formula to a diagnosis if the catalogue leaves an unexplained residual.
+    """Return a diagnosis with a discovered formula if the catalogue leaves an unexplained residual.
 
     Args:
         vehicle: The vehicle file.
@@ -251,7 +251,7 @@ def discovered(
         progress: Called with a few words and the share of the work done.
 
     Returns:
-        The diagnosis, unchanged if nothing is unexplained or no term reduces held-out error.  If the formula
+        A diagnosis; that given if nothing is unexplained or no term reduces held-out error.  If the formula
         has a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the
         law of the formula.
     """

@@ -23,7 +23,7 @@ OF_DOWN = {"g_x": "pitch", "g_y": "roll", "g_z": "being upright"}
 
 
 def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
-    """Describe the terms of a discovered formula in words.
+    """Return the terms of a discovered formula in words, separated by semicolons.
 
     A force and a moment with the same law are described together, as a force with a point of action.
 

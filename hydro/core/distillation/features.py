@@ -84,7 +84,7 @@ def names(feature_set: str) -> tuple[str, ...]:
 
 
 def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
-    """Compute the features of many states.
+    """Return the features of N states.
 
     Args:
         states: Velocity and acceleration (nu, nu_dot) in body axes, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
@@ -105,7 +105,7 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
 
 
 def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
-    """Compute the training table of a network: features and targets of every row with a label.
+    """Return the training table of a network: features and targets of every row with a label.
 
     Args:
         labels: Labels table, or the same table after `split`.

@@ -17,7 +17,7 @@ PERIOD_TOLERANCE = 0.01  # greatest deviation of a period from whole sample time
 
 
 def memory_size(window: int) -> int:
-    """Return the number of past values of six velocities, for a window that includes the present velocity."""
+    """Return the number of past values, 6 (window - 1), of a window that includes the present velocity."""
     return AXES * (window - 1)
 
 

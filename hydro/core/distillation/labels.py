@@ -79,9 +79,10 @@ def labels(
     subtract: Subtract = "inertia",
     limits: Bounds | None = None,
 ) -> pl.DataFrame:
-    """Compute smoothed motion, thrusts and the residual wrench tau_res of every row of a recording.
+    """Return a raw table with smoothed motion, thrusts and the residual wrench tau_res of every row.
 
-    If pose or velocity has nulls, see `labels_of_samples`: only rows that the samples determine have labels.
+    If pose or velocity has nulls, only rows that the samples determine have labels; other rows have nulls.
+    Columns of standard deviations are then added.
 
     Args:
         vehicle: Rigid body, buoyancy, thrusters and effects.
@@ -89,9 +90,10 @@ def labels(
             `cmd_n`; optionally the supply `voltage` [V].
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
-        design: Filter design; by default `filter_design(raw, noise)`.
+        design: Filter that smooths the velocities; by default designed for the recording (`filter_design`).
         subtract: `inertia` subtracts only M nu_dot, `effects` also the wrenches of all effects.
-        limits: For a recording with nulls, the greatest standard deviations of a row with a label.
+        limits: For a recording with nulls, the greatest standard deviations of a row with a label; by default
+            those of `Bounds`.
 
     Returns:
         The raw columns unchanged, and as float32: smoothed velocity `u_s` ... `r_s`, acceleration `u_dot` ...
@@ -179,7 +181,7 @@ def filter_design_of_sessions(
     velocity: Callable[[str], pl.DataFrame],
     noise: Sequence[float] | None = None,
 ) -> Design:
-    """Return the result of `filter_design` for a large recording whose sessions are read one at a time.
+    """Return the filter design of `labels` for a large recording whose sessions are read one at a time.
 
     Args:
         clocks: Times of the rows of each session, in the order of the sessions.
@@ -210,7 +212,7 @@ def labelled(labels: pl.DataFrame) -> pl.DataFrame:
 
 
 def smoother_reach(labels: pl.DataFrame) -> int:
-    """Return the number of rows on either side of a row that influence its smoothed motion.
+    """Return the number of rows before (and the same number after) a row that influence its smoothed motion.
 
     Args:
         labels: Labels table.

@@ -91,7 +91,7 @@ def labels_of_samples(
     subtract: Literal["inertia", "effects"] = "inertia",
     limits: Bounds | None = None,
 ) -> pl.DataFrame:
-    """Compute the labels of a recording with nulls, in the rows that its samples determine.
+    """Return a raw table with nulls, extended by labels in the rows that its samples determine.
 
     Args:
         vehicle: Rigid body, buoyancy, thrusters and effects.
@@ -101,8 +101,9 @@ def labels_of_samples(
         limits: Bounds of the standard deviations of a row with a label; by default those of `Bounds`.
 
     Returns:
-        The columns of `labels.labels`, null in rows without a label, and the standard deviations DEVIATIONS
-        of each row.  The standard deviations are null in segments in which an angle was never measured.
+        The raw columns; the label columns `u_s` to `N_res` of `wrench_balance.names`, null in rows without a
+        label; and the standard deviations DEVIATIONS of each row, null in segments in which an angle was
+        never measured.
 
     Raises:
         DataError: The sample time is not constant, the commands do not fit the thrusters, a value is not

@@ -37,7 +37,7 @@ PARTS = pl.Series(["train", "test", "guard"])
 def split(
     labels: pl.DataFrame, *, block: int = 150, test: float = 0.2, salt: str = "", guard: int | None = None
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Divide a labels table into training and test blocks.
+    """Return the labelled rows of a table divided into training and test blocks, and a table of the blocks.
 
     Args:
         labels: Labels table, or another table with the raw columns.
@@ -69,7 +69,7 @@ def split_from(
     salt: str = "",
     guard: int | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Divide a labels table into the training and test blocks of an earlier split.
+    """Return the labelled rows of a table and its blocks, divided as in an earlier split.
 
     Args:
         labels: Labels table.
@@ -77,10 +77,12 @@ def split_from(
             `labels`.
         block: Rows per block of the earlier split.
         salt: Salt of the earlier split.
-        guard: Rows at the border between a training and a test block that neither uses; see `split`.
+        guard: Rows at the border between a training and a test block that neither uses; by default the reach
+            of the smoother that `labels` designs for these velocities.
 
     Returns:
-        As `split`; the table of blocks contains only the blocks of these labels.
+        The rows with a label, with the columns `block` and `part` (train, test, guard); and the table of the
+        blocks of these labels: `block`, `part` (train, test), sorted, each id once.
 
     Raises:
         DataError: A block of the labels is not in the table of blocks.
@@ -99,7 +101,7 @@ def split_from(
 
 
 def block_bounds(bounds: Rows, block: int) -> Rows:
-    """Cut segments into blocks; the last block of each segment takes the remainder.
+    """Return the bounds of blocks of rows; the last block of each segment takes the remainder.
 
     Args:
         bounds: First and past-the-last row of each of S segments, (S, 2).

@@ -79,12 +79,12 @@ def constants(vehicle: Vehicle, table: Array) -> Constants:
 
 @jit
 def label_kernel(rows: Terms, known: Constants, start: int, out: Array32) -> None:
-    """Write the label columns of consecutive rows to `out`, from row `start` on.
+    """Write the label columns of consecutive rows to `out`, from its column `start` on.
 
     Args:
         rows: Terms of the rows.
         known: Constants of the vehicle.
-        start: First row to write.
+        start: Index within the recording of the first of these rows.
         out: Output: columns nu, nu_dot, thrusts, tau_prop, tau_res of all N rows in the order of `names`, for
             n thrusters, (24 + n, N).
     """

@@ -97,8 +97,8 @@ class Expected:
 def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ()) -> Array:
     """Return the Gram matrix of a model's sensitivities and its residual over a predicted flight.
 
-    Its rows and columns are the P free components of the model, K further components from `more`, and last
-    the residual.  All are divided by the sensor noise.
+    Its rows and columns are the P free components of the model in units of their scales, K further components
+    from `more`, and last the residual.  Sensitivities and residual are divided by the sensor noise.
 
     Args:
         rival: Model whose predictions are compared with the shots.
@@ -195,7 +195,7 @@ class Unseen:
 
 
 def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None) -> list[Unseen]:
-    """Prepare effects that a recording does not show for `gram` and `shown`.
+    """Return effects that a recording does not show, as small steps of their components for `gram`.
 
     An effect that is nonlinear in its parameters is represented by the first of its coarse shapes.
 

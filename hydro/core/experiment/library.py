@@ -77,7 +77,7 @@ class Manoeuvre:
         """Return the manoeuvre with all thrusts scaled by a factor.
 
         Args:
-            share: Factor on the thrusts, 0 to 1.
+            share: Factor on every thrust (not on the commands), 0 to 1.
             powers: Exponents of the thrust curves, (n,), from `powers`.
         """
         commands = np.sign(self.commands) * np.abs(self.commands) * share ** (1.0 / powers)

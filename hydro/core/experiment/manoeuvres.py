@@ -98,9 +98,7 @@ def showing(
 
 
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
-    """Return a vehicle in which each component of an effect is larger by its scale.
-
-    The scale is the size of a significant value (`parameters.Entry`).
+    """Return a vehicle in which each component of an effect is larger by a significant amount, its scale.
 
     Args:
         vehicle: The vehicle.

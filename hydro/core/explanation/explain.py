@@ -64,8 +64,8 @@ def explain(
         hull: Hull-force model from a recording before a change (`diagnosis.pipeline.hull_of`).  Changes since
             then are added, with the hull-force model and the file's values held fixed.
         done: First steps of the same study, if known already.
-        beyond: Function that extends a diagnosis without a finding, see `core.discovery`.
-        recordings: Both recordings, if preprocessed already, see `explanation.trials`.
+        beyond: Function that extends a diagnosis without a finding beyond the catalogue.
+        recordings: Both recordings, if preprocessed already; None to preprocess `raw` and `holdout`.
         corrected: Continue where the thrusters contradict the file, with the command columns assigned and
             signed as the audit of the log found them.
         wanted: Effect to add in each step, in this order; BEST stands for the best finding.  The study ends
@@ -141,7 +141,7 @@ def ending(steps: Sequence[Step], wanted: Sequence[str] = ()) -> str:
 
 
 def over(steps: Sequence[Step]) -> str:
-    """Return the reason why no further step is tried; empty if one is to be tried."""
+    """Return in words why a study ends with its last step; empty if another step is to be tried."""
     last = steps[-1]
     if best(steps) is not last:
         held_out = not last.ladder.filter(dataset="holdout").is_empty()
@@ -181,8 +181,8 @@ def next_step(
         recordings: Both recordings.
         wanted: Effect of the finding to add, or BEST.
         progress: Called with a short text and the share of the step that is done.
-        beyond: As for `explain`.
-        provisional: As for `explain`.
+        beyond: Function that extends a diagnosis without a finding beyond the catalogue.
+        provisional: Called with the best candidate of the diagnosis after its first fits.
 
     Raises:
         DataError: The last diagnosis has no values for the wanted effect, or a fit diverges.

@@ -22,7 +22,7 @@ UNCONFIRMED = "unconfirmed"
 
 
 def added(steps: Sequence[Step]) -> dict[str, bool]:
-    """Return every effect that the steps added, and whether the diagnosis before its step confirmed it."""
+    """Return, for each added effect by name, whether the diagnosis before its step confirmed the effect."""
     return {name: states(last, name) for last, step in pairwise(steps) for name in step.added}
 
 
@@ -39,7 +39,7 @@ def retuned(first: Step) -> list[str]:
 
 
 def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
-    """Return the overall result of a study.
+    """Return the overall result of a study: kind, title and sentences.
 
     Args:
         steps: All steps.

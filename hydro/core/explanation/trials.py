@@ -86,7 +86,7 @@ class Recordings:
     def of(
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
-        """Preprocess both recordings; the held-out one gets the order of commands that the other one shows.
+        """Return both recordings preprocessed; the held-out one gets the order of commands of the other one.
 
         Args:
             vehicle: Vehicle file of step 0.
@@ -101,12 +101,15 @@ class Recordings:
 
     @cached_property
     def problem(self) -> OutputError:
-        """A part of the shots of a diagnosis, at which the effects of the catalogue are linearised."""
+        """At most SHOTS short predictions of the fitted recording, with each channel weighted by its noise.
+
+        The effects of the catalogue are linearised on these shots.
+        """
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(SHOTS)
 
     @cached_property
     def windows(self) -> Windows:
-        """Windows of the equation error of the recording."""
+        """At most SHOTS windows of the fitted recording, for fits by equation error."""
         return Windows.of(self.log.record, self.log.noise, SHOTS)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
@@ -142,7 +145,15 @@ class Recordings:
         return self.ahead(vehicle, SHOTS // 2) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
-        """Compare a vehicle with one of the recordings, with rows about the hull if there is a hull model."""
+        """Return the comparison table of a vehicle and one of the two recordings.
+
+        With a hull-force model the table has rows of the level `hull` too.
+
+        Args:
+            vehicle: Vehicle file.
+            log: `log` or `holdout` of this object.
+            progress: Called with a short text and the share of the work done.
+        """
         yardstick = self.yardstick if log is self.log else self.yardstick.of_others
         found = compare(vehicle, log.raw, record=log.observed, yardstick=yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
@@ -187,6 +198,10 @@ class Recordings:
 
         The one that predicts the recording better is chosen.  Equation error integrates nothing, so values
         far from the truth do not lead it into a poor local minimum.
+
+        Args:
+            vehicle: Vehicle.
+            effects: Names of the effects with values to estimate.
         """
         unknown = free(vehicle, effects, reach=self.log.track) if effects else None
         if unknown is None or not unknown.entries:
@@ -195,10 +210,14 @@ class Recordings:
         return min(vehicle, there, key=self.error_ahead)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
-        """Return further effects of the catalogue for a vehicle's residual, see `screening.promising`.
+        """Return starting tables of effects that lower the held-out error, the largest gain first.
 
         Predictions of a vehicle that is far from the noise may leave the measured motion, where effects would
         act otherwise.  Then effects are ranked by equation error, along that motion.
+
+        Args:
+            vehicle: Vehicle.
+            own: Names of its effects that are fitted together with each tried effect.
         """
         if not self.is_far(vehicle):
             problem = OutputError.of(self.problem.shots, vehicle)
@@ -243,7 +262,7 @@ class Trial:
 
 
 def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Progress) -> Trial | None:
-    """Return the candidate with the best prediction of held-out stretches.
+    """Return the candidate with the best prediction of held-out stretches, fitted to convergence.
 
     Only the candidates whose quick fits predict the recording best are tested.  Values that physics excludes
     show that an effect stands for another.  Among quick fits such a candidate counts only if no other has
@@ -251,6 +270,12 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.  Far
     from the noise, pairs of the best candidates are tried where none alone is better: one may be needed for
     the values of the other, as added mass and the cross terms of damping.
+
+    Args:
+        last: Last step, whose diagnosis gives the candidates.
+        file: Vehicle file of step 0.
+        recordings: Both recordings.
+        progress: Called with a short text and the share of the work done.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -283,7 +308,7 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 
 
 def chosen_trial(last: Step, effect: str, file: Vehicle, recordings: Recordings) -> Trial:
-    """Return one finding of the last diagnosis, fitted together with all existing effects.
+    """Return the trial of one finding of the last diagnosis, fitted together with all existing effects.
 
     Args:
         last: Last step.

@@ -104,7 +104,7 @@ class Estimate:
 def estimate(
     known: Known, hull: Solid | None = None, mesh: str | None = None, radiated: Array | None = None
 ) -> Estimate:
-    """Estimate the content of a vehicle file.
+    """Return an estimated vehicle, with standard errors of its hydrodynamic parameters.
 
     Args:
         known: Data that the user gives.

@@ -92,7 +92,7 @@ def laid_out(
 
 
 def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
-    """Parse thrusters from texts such as `0.2,0.1,0,1,0,0,40`.
+    """Return the thrusters that texts such as `0.2,0.1,0,1,0,0,40` describe, one per text.
 
     The numbers are position x, y, z [m] from CO (FRD), direction of thrust (of any length), and maximum
     thrust [N].  An optional eighth number is the maximum thrust astern [N].
@@ -109,7 +109,7 @@ def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
 
 
 def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> list[float]:
-    """Parse finite numbers from a text with commas.
+    """Return the finite numbers in a text with commas.
 
     Args:
         text: The text.

@@ -82,7 +82,7 @@ def solvable() -> bool:
 
 
 def radiated_added_mass(vertices: ArrayLike, faces: ArrayLike, density: float) -> Array:
-    """Compute the added mass of a closed surface about the body origin, far below the water's surface.
+    """Return the added-mass matrix of a closed surface about the body origin, far below the water's surface.
 
     Capytaine solves the six radiation problems of unit motions in an unbounded ideal fluid, with sources on
     flat panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free

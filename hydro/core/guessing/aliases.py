@@ -144,15 +144,15 @@ def guess(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> dict[str, Block]:
-    """Guess the blocks of a map from the names of columns; those of a known logger have priority.
+    """Return guessed blocks of a map, from the names of columns; those of a known logger have priority.
 
     Commanded or demanded quantities (`rc_roll`, `roll_cmd`, `DesYaw`) are never mistaken for measurements.
 
     Args:
         names: The log's columns.
         texts: Columns of text; a clock among them has ISO timestamps.
-        preset: A logger of `presets.PRESETS`; by default the one with these names.
-        thrusters: Number of thrusters; by default the number of such names, at most eight outputs.
+        preset: Name of a logger in `presets.PRESETS`; by default the one whose column names match best.
+        thrusters: Number of thrusters; by default the number of columns named like commands, at most eight.
 
     Returns:
         Blocks by name, as in a map file; blocks without matching names are missing.  A depth by pressure has

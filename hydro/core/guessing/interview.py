@@ -57,7 +57,10 @@ class Question:
 
 
 def lacking(blocks: Mapping[str, Block]) -> list[str]:
-    """Return the required lines of a map that are missing from these blocks."""
+    """Return the names of required blocks of a map that are missing.
+
+    Required are `time`, `commands`, and one of the measured quantities, named together as `a, b or c`.
+    """
     missing = [name for name in ("time", "commands") if name not in blocks]
     return missing if any(name in blocks for name in BLOCKS) else [*missing, listed(BLOCKS, "or")]
 
@@ -66,6 +69,8 @@ def about_map(
     columns: Sequence[str], blocks: Mapping[str, Block]
 ) -> Generator[Question, str, dict[str, Block]]:
     """Ask for the columns of a log: for lines to correct if the guess is complete, otherwise for every line.
+
+    This is a generator: it yields questions, and `send` gives it the answer to each as text.
 
     Args:
         columns: All columns of the log.
@@ -98,11 +103,13 @@ def about_map(
 def about_vehicle(
     fleet: Sequence[Preset], thrusters: int, footer: str = ""
 ) -> Generator[Question, str, Choice]:
-    """Ask for the vehicle; for a layout also for mass and box.
+    """Ask for the vehicle; for a layout of thrusters also for mass and box of the hull.
+
+    This is a generator: it yields questions, `send` gives it the answer to each, and it returns the choice.
 
     Args:
-        fleet: The presets.
-        thrusters: How many commands the log has.
+        fleet: Vehicles that can be chosen by name.
+        thrusters: Number of commands in the log.
         footer: Default answer if the recording has a vehicle file in its footer; otherwise empty.
     """
     known = suited(fleet, thrusters)
@@ -132,14 +139,14 @@ def about_vehicle(
 def by_options(
     fleet: Sequence[Preset], thrusters: int, name: str | None, layout: str | None, hull: Mapping[str, float]
 ) -> Choice:
-    """Return the vehicle that the options select.
+    """Return the vehicle that command-line options select; without a name, a layout for the thrusters.
 
     Args:
-        fleet: The presets.
-        thrusters: How many commands the log has.
-        name: Of a preset.
-        layout: Of the thrusters.
-        hull: The given values of `mass`, `length`, `width`, `height` [kg, m] and `thrust` [N].
+        fleet: Vehicles that can be chosen by name.
+        thrusters: Number of commands in the log.
+        name: Name of a preset; None if not given.
+        layout: Name of a layout of thrusters; None if not given.
+        hull: The given ones of `mass` [kg], `length`, `width`, `height` [m] and `thrust` [N], by these names.
 
     Raises:
         DataError: The options contradict each other or the log, or are incomplete.

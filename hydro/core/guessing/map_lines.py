@@ -67,7 +67,7 @@ def text_of(name: str, block: Mapping[str, Any] | None) -> str:
 
 
 def block_of(name: str, text: str, columns: Sequence[str]) -> Block | None:
-    """Parse the text form of a block; None for `none`.
+    """Return the block of a map, as a map file has it, from its text form; None for the text `none`.
 
     Args:
         name: Name of the block, one of KINDS.
@@ -143,7 +143,13 @@ def _command(source: Any) -> Any:
 
 
 def column_of(word: str, columns: Sequence[str]) -> Any:
-    """Find a column by its name or its ending, optionally followed by `*SCALE+OFFSET`.
+    """Return a column as a map file has it, found by its name or by a unique ending.
+
+    This is the full name, or with `*SCALE+OFFSET` after the word a table of `column`, `scale` and `offset`.
+
+    Args:
+        word: Name or ending after a slash or dot, optionally followed by `*SCALE` and `+OFFSET`.
+        columns: All columns of the log.
 
     Raises:
         DataError: No column or several columns match.
@@ -166,7 +172,14 @@ def column_of(word: str, columns: Sequence[str]) -> Any:
 
 
 def expanded(word: str, columns: Sequence[str]) -> Iterator[str]:
-    """Expand braces and counts in a word; the exact name of a column is not expanded."""
+    """Yield the words that a word with braces or counts stands for, such as `m1`, `m2` for `m{1..2}`.
+
+    The exact name of a column is not expanded.
+
+    Args:
+        word: Word of the text form of a block.
+        columns: All columns of the log.
+    """
     if word in columns:
         yield word
     elif match := _LIST.search(word):

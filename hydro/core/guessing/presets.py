@@ -24,7 +24,13 @@ SAME_QUANTITY = ("attitude", "velocity", "rates")
 
 
 class Source(NamedTuple):
-    """Columns of one quantity: a stem with the replacements of its `*`, and the settings of its block."""
+    """Columns of one quantity in the logs of a logger.
+
+    Attributes:
+        stem: Name of the columns, with `*` where they differ.
+        parts: Replacements of `*`, one for each column.
+        settings: Further keys of the block of a map, such as the unit.
+    """
 
     stem: str
     parts: tuple[str, ...]
@@ -40,7 +46,12 @@ PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5}
 
 
 def depth_of_pressure(column: str, unit: str) -> Block:
-    """Return the column of a map that makes a depth [m] of an absolute pressure."""
+    """Return a column of a map, `column`, `scale` and `offset`, that makes a depth [m] of absolute pressure.
+
+    Args:
+        column: Name of the column with the pressure.
+        unit: Key of PRESSURE_UNITS.
+    """
     return {"column": column, "scale": PRESSURE_UNITS[unit] / WATER, "offset": -ATMOSPHERE / WATER}
 
 
@@ -161,7 +172,9 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
 
 
 def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str | None, dict[str, Block]]:
-    """Return the preset of a log's names, and its blocks of a map.
+    """Return the name of the logger that a log's column names fit, and its blocks of a map by name.
+
+    It is None, with no blocks, where no preset fits.
 
     Args:
         names: The log's columns.
@@ -183,14 +196,16 @@ def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str 
 
 
 def other_sources(names: Sequence[str], blocks: Mapping[str, Block]) -> list[tuple[str, Block]]:
-    """Return further sources of the three-dimensional quantities of a preset's map, with their names.
+    """Return further blocks for attitude, velocity and rates in a log of a known logger.
+
+    Each is a pair of the quantity's name and a block of a map.
 
     A log may have the same quantity in several messages, for instance the attitude in a pose and in an IMU
     message.
 
     Args:
         names: The log's columns.
-        blocks: Blocks of its map; those that are not of its preset have no further sources.
+        blocks: Blocks of its map by name; quantities whose block is not that of the preset are skipped.
     """
     preset, known = preset_blocks(names)
     if preset is None:
@@ -230,7 +245,13 @@ def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
 
 
 def vertical_block(column: str, kind: str, settings: Mapping[str, Any]) -> Block:
-    """Return the position block of a depth alone, from a depth, a height or a pressure."""
+    """Return the position block of a map that has a depth alone.
+
+    Args:
+        column: Column of the depth, height or pressure.
+        kind: `depth`, `height` or `pressure`.
+        settings: Further keys of the block, such as the unit; they override its own.
+    """
     if kind == "pressure":
         return {"depth": {"column": column}, "pressure": None, **settings}
     return {kind: column, **settings}

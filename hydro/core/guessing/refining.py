@@ -21,13 +21,13 @@ WEATHER = 0.1
 
 
 def refined(blocks: Mapping[str, Block], values: Values) -> tuple[dict[str, Block], list[str]]:
-    """Refine guessed blocks by the values of their columns; also return the changes, a line each.
+    """Return guessed blocks refined by the values of their columns, and a line of text for each change.
 
-    A unit stated in a name stays.
+    The given blocks do not change.  A unit stated in a name stays.
 
     Args:
         blocks: The blocks of a map from `aliases.guess`.
-        values: The columns' values.
+        values: Function from the name of a column to its values, or to None if it has none.
     """
     found, notes = {name: dict(block) for name, block in blocks.items()}, []
     if (attitude := found.get("attitude")) is not None:

@@ -11,7 +11,7 @@ Block = dict[str, Any]
 
 
 def validity(names: Sequence[str], blocks: Mapping[str, Block]) -> dict[str, str]:
-    """Find the column of validity of each block by its name.
+    """Return the column that marks valid samples of each block, found by its name.
 
     Args:
         names: The log's columns.

@@ -72,7 +72,7 @@ class Choice:
 
 
 def suited(fleet: Sequence[Preset], thrusters: int) -> Preset | None:
-    """Return the lightest preset with this number of thrusters, or None; most vehicles are small.
+    """Return the lightest preset with a number of thrusters, because most vehicles are small; else None.
 
     A preset with fins is never guessed: the number of commands does not show which of them drive servos.
     """
@@ -81,7 +81,7 @@ def suited(fleet: Sequence[Preset], thrusters: int) -> Preset | None:
 
 
 def layout_for(thrusters: int) -> Layout | None:
-    """Return the layout with this number of thrusters, or None; a maker's layout comes first."""
+    """Return the name of the last of LAYOUTS with a number of thrusters; None without one."""
     return next((layout for layout in reversed(LAYOUTS) if layouts_thrusters(layout) == thrusters), None)
 
 
@@ -91,10 +91,15 @@ def layouts_thrusters(layout: Layout) -> int:
 
 
 def chosen(text: str, fleet: Sequence[Preset], thrusters: int) -> Choice:
-    """Parse an answer: the name of a preset, the name of a layout, or the path of a file.
+    """Return the vehicle that an answer names: a preset, a layout of thrusters, or the path of a file.
+
+    Args:
+        text: The answer.
+        fleet: Vehicles that can be chosen by name.
+        thrusters: Number of commands in the log.
 
     Raises:
-        DataError: The number of thrusters differs from the number of commands in the log.
+        DataError: The answer is empty, or its number of thrusters differs from that of the commands.
     """
     text = text.strip()
     if not text:
@@ -140,7 +145,13 @@ def hull_of(text: str) -> Hull:
 
 
 def command_line(layout: Layout, hull: Hull, output: str) -> tuple[str, ...]:
-    """Return the command that writes the vehicle file, without `hydro`."""
+    """Return the words of the command, after `hydro`, that writes an estimated vehicle file.
+
+    Args:
+        layout: Layout of the thrusters, also the name of the vehicle.
+        hull: Mass, box and thrust.
+        output: Path of the file to write.
+    """
     sides = [
         word
         for name, side in zip(("length", "width", "height"), hull.sides, strict=True)
@@ -152,7 +163,7 @@ def command_line(layout: Layout, hull: Hull, output: str) -> tuple[str, ...]:
 
 
 def presets_named(fleet: Sequence[Preset], thrusters: int) -> str:
-    """List the presets with this number of thrusters, or all presets if none has it."""
+    """Return the names of presets with a number of thrusters, or of all if none fits, as text `a, b or c`."""
     return listed(
         [one.name for one in fleet if one.thrusters == thrusters] or [one.name for one in fleet], "or"
     )

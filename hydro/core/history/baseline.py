@@ -57,12 +57,16 @@ class Baseline:
     parameters: tuple[Parameter, ...]
 
     def law_for(self, dive: str) -> Regression:
-        """Return the hull-force model to use for a dive: one that was not fitted to this dive."""
+        """Return a hull-force model that was not fitted to a dive.
+
+        Args:
+            dive: Name of the dive; for a baseline dive, the model is fitted to the other baseline dives.
+        """
         return self.without.get(dive, self.law)
 
 
 def learn_baseline(vehicle: Vehicle, dives: Mapping[str, pl.DataFrame]) -> Baseline:
-    """Learn the baseline from dives of the unchanged vehicle.
+    """Return the baseline, learnt from dives of the unchanged vehicle.
 
     Args:
         vehicle: Vehicle file.

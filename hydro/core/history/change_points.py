@@ -59,7 +59,7 @@ class Alarm:
 
 
 def alarms(values: Array, errors: Array, baseline: int, level: float = LEVEL) -> list[Alarm]:
-    """Return the level shifts in a history, found as dives are added one by one.
+    """Return the level shifts in a history in the order in which added dives show them.
 
     After a shift is found, only the dives since then are compared.
 
@@ -95,7 +95,7 @@ class Shifts:
 
 
 def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
-    """Test every parameter for a level shift at every possible date.
+    """Return p-values of level shifts, for every parameter at every possible date.
 
     Args:
         values: Estimates of P parameters in N dives, (P, N); NaN where a dive has none.

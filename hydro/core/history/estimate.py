@@ -53,7 +53,7 @@ class Estimate:
 
 
 def estimate(baseline: Baseline, dive: str, raw: pl.DataFrame) -> Estimate:
-    """Estimate the parameters of a dive.
+    """Return estimates of the baseline's parameters from one dive, with standard errors.
 
     Args:
         baseline: Unchanged vehicle.

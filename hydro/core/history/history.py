@@ -70,7 +70,10 @@ class History:
         return np.array(found).reshape(self.values.shape)
 
     def table(self) -> pl.DataFrame:
-        """Return the history as a table with the columns COLUMNS, one row per dive and parameter."""
+        """Return the estimates with their fitted levels as a table with columns COLUMNS.
+
+        It has one row per dive and parameter, sorted by dive.  Dives count from 1.
+        """
         level, flags = self.levels, self.flags
         rows = [
             {
@@ -152,7 +155,9 @@ CHANGE_COLUMNS = {
 def history(
     parameters: Sequence[Parameter], estimates: Mapping[str, Estimate], baseline: Sequence[str]
 ) -> History:
-    """Find when the parameters of a vehicle changed, from estimates of each dive.
+    """Return the history of a vehicle with the dates of its changes, from estimates of each dive.
+
+    Parameters that the dives do not determine are left out of values and changes.
 
     Args:
         parameters: Parameters of the estimates.

@@ -48,7 +48,7 @@ class Parameter:
         name: Identifier in tables, such as `thrust_3` or `drag_sway`.
         kind: THRUST, BUOYANCY, DRAG or CURRENT.
         index: Thruster or axis, from 0.
-        label: Name in sentences, such as `Thruster 3`.
+        label: Name in sentences, such as `Thruster 3`, which has the index 2.
         unit: Unit of the values.
         neutral: Value of the unchanged vehicle.
         spread: Prior standard deviation.

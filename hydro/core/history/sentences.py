@@ -13,7 +13,7 @@ PERFECT = {"rose": "risen", "grew": "grown", "fell": "fallen"}
 
 
 def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
-    """State one change: its size with the 95 % interval, and the dives between which it happened.
+    """Return one change in a sentence: size with the 95 % interval, and the dives between which it happened.
 
     Args:
         change: The change.

@@ -37,6 +37,9 @@ def on_time(record: Recording, late: float | None = None) -> Recording:
     Args:
         record: The recording.
         late: Delay of the velocities [s]; by default that which the kinematic tests show.
+
+    Returns:
+        A copy whose u, v, w are interpolated at t + late; the recording itself without a delay.
     """
     late = lateness(lambda: kinematic_tests(record)) if late is None else late
     if not late:

@@ -115,7 +115,7 @@ class KinematicTest:
         return self.chance(np.zeros_like(self.estimate))
 
     def distance(self, claimed: Array) -> float:
-        """Return the squared Mahalanobis distance of the estimate from claimed values, (p,): a Wald test."""
+        """Return the squared Mahalanobis distance (a number) of the estimate from claimed values (p,)."""
         away = self.estimate - claimed
         return float(away @ np.linalg.solve(self.covariance, away))
 
@@ -167,7 +167,7 @@ def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
 
 
 def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
-    """Test pose against velocity for all errors of the DVL.
+    """Return a test of pose against velocity for each error of the DVL.
 
     Args:
         record: The recording.

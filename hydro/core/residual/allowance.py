@@ -93,7 +93,9 @@ class Allowance:
 
     @classmethod
     def of(cls, vehicle: Vehicle, shots: Shots) -> Allowance:
-        """Compute the responses of shots to the hull-force library, along the measured motion.
+        """Return the allowance for shots, with their responses to the hull-force library.
+
+        Responses are those along the measured motion.
 
         Args:
             vehicle: The vehicle file.
@@ -135,11 +137,11 @@ class Allowance:
         return cls(shots, weight, beginnings, turned, np.maximum(found, 0.0), compared)
 
     def held(self, unknown: Free, values: Array, prior: Prior) -> Held:
-        """Evaluate the evidence of an effect near given values, with the hull force integrated out.
+        """Return the fit of an effect by one linear step, with the hull force integrated out.
 
         Args:
             unknown: The P fitted components.
-            values: Values of the components, (P,).
+            values: Values of the components from which the step starts, (P,).
             prior: Prior of the values, in scales of the components.
         """
         vehicle, count = unknown.at(values), len(values)
@@ -201,7 +203,7 @@ class Allowance:
         return float(evidence[at]), np.asarray(step[at]), spread, float(TEMPERS[at[1]])
 
     def refined(self, unknown: Free, held: Held, prior: Prior, most: int, gain: float) -> Held:
-        """Repeat the linearisation at the most probable values while the evidence grows.
+        """Return a fit linearised again at its most probable values, as long as the evidence grows.
 
         Effects that are linear in their components need no step.  A step that gains too little is shortened
         once.

@@ -45,7 +45,7 @@ class FreeLaw:
 
     @classmethod
     def of(cls, hull: Hull, vehicle: Vehicle, transitions: Transitions) -> FreeLaw | None:
-        """Compute the responses of shots; None for a law without coefficients, such as a network.
+        """Return the responses of shots to the coefficients; None for a law without any, such as a network.
 
         Args:
             hull: Hull-force model.

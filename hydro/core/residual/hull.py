@@ -71,7 +71,12 @@ class Hull:
     simulated: bool = False
 
     def acting(self, vehicle: Vehicle, transitions: Transitions) -> OutputError:
-        """Return the shots of a recording with the hull force that acts on a vehicle."""
+        """Return the shots of a recording as a fitting problem that takes account of the hull force.
+
+        Args:
+            vehicle: The vehicle; its current and DVL errors determine the motion through the water.
+            transitions: The shots, with their responses to forces.
+        """
         return acting(self.law, vehicle, transitions, self.simulated)
 
     @property
@@ -91,12 +96,12 @@ def describes(given: float, left: float) -> bool:
 
 
 def acting(law: Law, vehicle: Vehicle, transitions: Transitions, simulated: bool) -> OutputError:
-    """Return the shots of a recording with the force of a law.
+    """Return the shots of a recording as a fitting problem that takes account of a residual wrench.
 
     Args:
-        law: The law.
+        law: The residual wrench as a function of motion.
         vehicle: The vehicle; its current and DVL errors determine the motion through the water.
-        transitions: The shots.
+        transitions: The shots, with their responses to forces.
         simulated: Whether the force acts in the simulation; otherwise the response to it is subtracted from
             the measurements.
     """
@@ -107,7 +112,7 @@ def acting(law: Law, vehicle: Vehicle, transitions: Transitions, simulated: bool
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
-    """Learn the residual hull force of an unchanged vehicle by regression on the hull-force library.
+    """Return the residual hull force of an unchanged vehicle, by regression on the hull-force library.
 
     Args:
         vehicle: Vehicle file.

@@ -57,7 +57,7 @@ class Learnt:
 
     @classmethod
     def of(cls, model: TrainedModel, file: Vehicle) -> Learnt:
-        """Combine a trained network with a vehicle file.
+        """Return a trained network as the residual hull force of a vehicle file.
 
         Args:
             model: Trained network, as `hydro train` writes it.

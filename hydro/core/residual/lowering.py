@@ -95,7 +95,7 @@ class Writer:
         return np.array(self._steps, dtype=np.float64).reshape(-1, layers.COLUMNS)
 
     def weights(self) -> Array32:
-        """Return all weights, concatenated."""
+        """Return the weights of all operations in one vector, in the order in which they were added."""
         return np.concatenate(self._weights)
 
     def option(self, name: str) -> Any:
@@ -132,7 +132,7 @@ class Writer:
         return found
 
     def dense(self, x: Place, name: str, length: int) -> Place:
-        """Add a dense layer W x + b with tensors `name.weight` (length, len x) and `name.bias` (length,).
+        """Append a dense layer W x + b with tensors `name.weight` (length, len x) and `name.bias` (length,).
 
         Args:
             x: Input block.
@@ -149,13 +149,13 @@ class Writer:
         return self.affine(x, weight, self.tensor(f"{name}.bias", (length,)), self.place(length))
 
     def affine(self, x: Place, weight: Array32, bias: Array32, to: Place) -> Place:
-        """Add a dense layer W x + b with given weights.
+        """Append a dense layer W x + b with given weights; return its output block.
 
         Args:
             x: Input block.
             weight: W, (outputs, inputs).
             bias: b, (outputs,).
-            to: Output block, which is returned.
+            to: Output block.
 
         Raises:
             DataError: The number of columns of W differs from the length of x.
@@ -169,7 +169,7 @@ class Writer:
         return self._step(layers.DENSE, x, to, weights=at)
 
     def activate(self, function: str, x: Place) -> Place:
-        """Apply an activation function to a block in place; the block is returned.
+        """Append an activation function that changes a block in place; return the block.
 
         Args:
             function: Key of `layers.FUNCTIONS`.
@@ -184,7 +184,7 @@ class Writer:
         return self._step(layers.ACTIVATE, x, x, argument=layers.FUNCTIONS[function])
 
     def chain(self, x: Place, name: str, widths: Sequence[int], function: str) -> Place:
-        """Add dense layers `name.0`, `name.1`, …, with an activation after all but the last.
+        """Append dense layers `name.0`, `name.1`, …, with an activation after all but the last.
 
         Args:
             x: Input block.
@@ -202,16 +202,16 @@ class Writer:
         return x
 
     def norm(self, x: Place, name: str) -> Place:
-        """Add a layer norm of block `x` with tensors `name.weight` and `name.bias`; return its output."""
+        """Append a layer norm of block `x` with tensors `name.weight` and `name.bias`; return its output."""
         parts = (self.tensor(f"{name}.{part}", (x.length,)) for part in ("weight", "bias"))
         return self._step(layers.NORM, x, self.place(x.length), weights=self._keep(*parts))
 
     def add(self, x: Place, to: Place) -> Place:
-        """Add the values of block x to those of block `to`, in place; return `to`."""
+        """Append the addition of block x to block `to`, which changes in place; return `to`."""
         return self._step(layers.ADD, x, to)
 
     def mix(self, shares: Place, vectors: Place, length: int) -> Place:
-        """Add a weighted sum of vectors; return its output block.
+        """Append a weighted sum of vectors; return its output block.
 
         Args:
             shares: Block with one weight for each vector.
@@ -222,13 +222,17 @@ class Writer:
         return self._step(layers.MIX, source, self.place(length), argument=shares.at)
 
     def direction(self, scale: Array) -> Place:
-        """Add the seven features of `layers._direction` for velocity scales (6,); return their block."""
+        """Append the seven features of the direction and size of motion; return their output block.
+
+        Args:
+            scale: Velocities by which those of the six axes are divided, (6,) [m/s, rad/s].
+        """
         return self._step(layers.DIRECTION, self.inputs, self.place(AXES + 1), weights=self._keep(scale))
 
     def dissipate(self, A: Place, inertia: Array, root: Array, scale: Array) -> Place:
-        """Add the wrench C(nu) nu + D(nu) nu of a passive model; return its block.
+        """Append the wrench C(nu) nu + D(nu) nu of a passive model; return its output block of six values.
 
-        See `layers._passive`.
+        The wrench is in N and N m, so no scaler follows.
 
         Args:
             A: Block of the 36 numbers of A, in D = (1 + |nu|) R A A^T R.
@@ -242,10 +246,12 @@ class Writer:
         return self._step(layers.PASSIVE, A, self.place(AXES), weights=at)
 
     def mirrored(self, weights: Sequence[Array32], points: int) -> Place:
-        """Add the wrench of a model of radial basis functions (`core.residual.mirrors`); return its block.
+        """Append the wrench of radial basis functions with mirror symmetry; return its block of six values.
+
+        The wrench is in N and N m, so no scaler follows.
 
         Args:
-            weights: Weights in the order of `core.residual.mirrors`.
+            weights: Vectors of weights that together have the order of `core.residual.mirrors`.
             points: Number of centres of radial basis functions.
         """
         self.physical = True
@@ -371,7 +377,7 @@ WRITERS: dict[str, Callable[[Writer], None]] = {
 
 
 def lower(model: TrainedModel, inputs: int) -> Writer:
-    """Compile a trained model to a program.
+    """Compile a trained model; return the writer that holds its program and its weights.
 
     Args:
         model: The trained model.

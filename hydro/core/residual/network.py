@@ -58,7 +58,7 @@ class Network:
 
     @staticmethod
     def of(model: TrainedModel) -> Network:
-        """Compile a trained model.
+        """Return the compiled network of a trained model.
 
         Raises:
             DataError: The architecture is unknown, or its tensors do not fit it.
@@ -88,7 +88,7 @@ class Network:
         )
 
     def wrench(self, states: ArrayLike, past: ArrayLike | None = None) -> Array:
-        """Return the residual wrench tau_res of many states.
+        """Return the residual wrench tau_res of N states.
 
         Args:
             states: Velocity and acceleration (nu, nu_dot), FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].

@@ -41,7 +41,12 @@ class Recomputed:
 
     @classmethod
     def of(cls, hull: Hull, transitions: Transitions) -> Recomputed:
-        """Prepare the problem from the transitions of shots."""
+        """Return the problem of fitting candidates to shots, with the hull-force model held fixed.
+
+        Args:
+            hull: The hull-force model.
+            transitions: The shots, with the transitions of small deviations from row to row.
+        """
         shots, found = transitions.shots, list[Array]()
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
             part = slice(begin, begin + SHOTS_TOGETHER)
@@ -54,11 +59,15 @@ class Recomputed:
         return cls(hull, transitions, np.concatenate(found))
 
     def with_free_law(self, vehicle: Vehicle) -> Recomputed:
-        """Return the problem with the coefficients of a vehicle's hull-force model free, see `free_law`."""
+        """Return the problem with free hull-force coefficients, known as the earlier recording shows them.
+
+        Args:
+            vehicle: Vehicle, whose hull and water density are the units of the coefficients.
+        """
         return replace(self, free=FreeLaw.of(self.hull, vehicle, self.transitions))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the least-squares problem about a vehicle by finite differences.
+        """Return the least-squares problem linearised about a vehicle, by finite differences.
 
         Args:
             base: The vehicle.
@@ -77,7 +86,7 @@ class Recomputed:
         return Normal(gram, np.maximum(compared - CHANNELS, 1.0), channels, follow)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Recomputed]:
-        """Return the sum of squared residuals of a vehicle, and the problem, which keeps no state.
+        """Return the sum of squared residuals of a vehicle, and this problem itself, which keeps no state.
 
         `step` and `normal` are not used: initial states are eliminated, so they need no update.
         """

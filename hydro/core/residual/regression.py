@@ -56,11 +56,11 @@ class Regression:
     information: Array
 
     def without_folds(self) -> list[Regression]:
-        """Return the fits without each fold."""
+        """Return one fit per stretch, with the coefficients fitted without that stretch."""
         return [replace(self, coefficients=each) for each in self.left_out]
 
     def moved(self, step: Regression) -> Regression:
-        """Return the fit with the coefficients of another one of the same folds added."""
+        """Return the sum of this fit's coefficients and those of `step`, whose stretches are the same."""
         coefficients, left_out = self.coefficients + step.coefficients, self.left_out + step.left_out
         return replace(self, coefficients=coefficients, left_out=left_out)
 
@@ -78,12 +78,19 @@ class Regression:
         return found
 
     def terms(self, model: Candidate, shots: Shots) -> Array:
-        """Return the library terms at every row of a recording, within the range of the training, (N, F)."""
+        """Return the F library terms at each of N rows of a recording, (N, F).
+
+        The motion is clipped to the range of the training data.
+
+        Args:
+            model: The vehicle, whose current and DVL errors determine the motion through the water.
+            shots: Shots of the recording, with its smoothed motion.
+        """
         return terms(Flow.of(model, shots).within(self.low, self.high))
 
 
 def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
-    """Fit the coefficients of the hull-force library to shots of an unchanged vehicle.
+    """Return the hull-force model whose library coefficients fit shots of an unchanged vehicle.
 
     Args:
         vehicle: Vehicle file.
@@ -199,7 +206,13 @@ def _solve(gram: Array, factor: float) -> Array:
 
 
 def information(gram: Array, factor: float) -> Array:
-    """Return the information on P coefficients of normal equations (P + 1, P + 1) and prior, (P, P)."""
+    """Return the information (inverse covariance) on P coefficients from data and prior, (P, P).
+
+    Args:
+        gram: Normal equations of the coefficients and the residual, (P + 1, P + 1), in units of the noise and
+            of the prior standard deviations.
+        factor: Factor on the prior standard deviations.
+    """
     return np.asarray(gram[:-1, :-1] + factor**-2 * precision(len(gram) - 1))
 
 

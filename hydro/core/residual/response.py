@@ -55,7 +55,7 @@ class Transitions:
 
     @classmethod
     def of(cls, model: Candidate, shots: Shots) -> Transitions:
-        """Compute the transitions along the smoothed measured motion of each shot.
+        """Return the transitions along the smoothed measured motion of each shot.
 
         Args:
             model: The vehicle whose forces define the transitions.

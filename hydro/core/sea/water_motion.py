@@ -70,9 +70,9 @@ def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
 
 
 def carried(model: Candidate) -> Array:
-    """Return the wrench about CO on the vehicle per acceleration of the water along each body axis, (6, 3).
+    """Return the wrench on the vehicle about CO per acceleration of the water along each body axis.
 
-    Units are kg for the force rows and kg m for the moment rows.
+    It has shape (6, 3), with rows X to N [kg, kg m] and columns for the accelerations along x, y, z.
     """
     c = constants_of(model.program.flat)
     x, y, z = c[CENTER_OF_BUOYANCY : CENTER_OF_BUOYANCY + 3]

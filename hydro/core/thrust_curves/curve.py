@@ -29,10 +29,10 @@ class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 @lru_cache(maxsize=64)
 def curve_table(curve: str | Curve) -> ThrustTable | None:
-    """Return the table of a curve; None for a simple curve.
+    """Return a thrust curve as a table; None for a named curve without a table.
 
     Args:
-        curve: As in the vehicle file: numbers, or a name.
+        curve: Curve of a thruster in a vehicle file: numbers, or a name; only `t200` has a table.
 
     Raises:
         DataError: The numbers are not a valid table.

@@ -225,7 +225,7 @@ TABLE = """\
 
 @cache
 def t200() -> ThrustTable:
-    """Return the table of the T200 in newtons."""
+    """Return the thrust [N] of the T200 over command in [-1, 1] and supply voltage [V] as a table."""
     rows = [[float(number) for number in line.split()] for line in TABLE.splitlines()]
     pwm, *columns = zip(*rows, strict=True)
     return thrust_table(

@@ -42,7 +42,9 @@ class ThrustTable:
         return len(self.voltage) > 1
 
     def at(self, command: ArrayLike, voltage: ArrayLike) -> Array:
-        """Return the thrust [N] at commands and voltages [V] (broadcast); constant beyond the ends.
+        """Return the thrust [N] at commands and voltages [V], in their broadcast shape.
+
+        Beyond the ends of the table it is constant.
 
         It is linear in the command between two points, and linear in the voltage between two curves.
         """
@@ -68,7 +70,10 @@ class ThrustTable:
         return ahead, astern if astern > 0.0 else ahead
 
     def most(self, voltage: float) -> float:
-        """Return the maximum thrust of the table at any voltage, relative to full command at one [V]."""
+        """Return the largest ratio of a thrust of the table to that of full command at a voltage [V].
+
+        Ahead and astern count, over all voltages of the table; the ratio is at least 1.
+        """
         ahead, astern = self.limits(voltage)
         return max(float(self.thrust.max()) / ahead, float(-self.thrust.min()) / astern, 1.0)
 
@@ -89,7 +94,7 @@ class ThrustTable:
 def thrust_table(
     command: Sequence[float], thrust: Sequence[float | Sequence[float]], voltage: Sequence[float] = ()
 ) -> ThrustTable:
-    """Build a table from the numbers of a file.
+    """Return a thrust table from the numbers of a vehicle file, checked.
 
     Args:
         command: K commands in [-1, 1], ascending.
