@@ -58,11 +58,11 @@ class ThrusterAudit:
             negative if it pushes opposite to the file; NaN for servos.
         low: Lower end of the 95 % interval of the effectiveness, (n,).
         high: Upper end of the 95 % interval of the effectiveness, (n,).
-        scale: Common scale of all thrusters, with the ends of its 95 % interval.
+        scale: Thrust of all thrusters relative to the file: estimate, low and high end of its 95 % interval.
         seen: Thrusters whose individual effectiveness is determined, (n,).
-        clear: Thrusters of these whose direction is certain, (n,); a dead thruster has none.
-        together: Groups of thrusters that the recording cannot separate.
-        weak: Thrusters of these that hardly push, (n,).
+        clear: Thrusters of `seen` whose direction is certain, (n,); a dead thruster has none.
+        together: Groups of thrusters that the recording cannot separate, by index from 0.
+        weak: Thrusters of `seen` that hardly push, unless too small an inertia may be the cause, (n,).
         idle: Thrusters that did not run, (n,).
         shown: Measured accelerations among u v w p q r, (6,).
         delay: Delay from command to motion [s].

@@ -81,7 +81,7 @@ class Wiring:
         )
 
     def words(self) -> str:
-        """Return the differences from the file in words, such as `minus cmd_4 drives thruster 4`; empty without any."""
+        """Return the differences from the file in words, such as `minus cmd_4 drives thruster 4`."""
         changed = [
             f"{'minus ' if sign < 0 else ''}{command_column(column)} drives thruster {i + 1}"
             for i, (column, sign) in enumerate(self.drives())

@@ -126,7 +126,10 @@ class Baseline:
         return fit_model(self.filed, self.effects, self.problem, self.log.track, 0)
 
     def explained(self, model: Model) -> float:
-        """Return the share of the baseline fit's error beyond the noise that a model explains."""
+        """Return the share of the baseline fit's error beyond the noise that a model explains.
+
+        It is negative for a model that fits worse than the baseline.
+        """
         return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
 
     def material(self, gain: float, before: Model) -> bool:
@@ -144,7 +147,11 @@ class Baseline:
         return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
 
     def visible(self, gain: float) -> bool:
-        """Return whether a reduction of the squared residual would be visible in a replay (VISIBLE)."""
+        """Return whether a reduction of the squared residual would be visible in a replay.
+
+        Args:
+            gain: Reduction, in units of the noise variance; it is visible from a share VISIBLE of the noise.
+        """
         return gain >= VISIBLE * self.refitted.normal.residuals
 
     def belongs(self, effect: str, gain: float, before: Model) -> bool:

@@ -74,8 +74,8 @@ from hydro.core.vehicle.description import Vehicle
 class ByChange:
     """Regime of a diagnosis with an earlier recording, from which the hull-force error is learnt.
 
-    Sensor errors that kinematics shows come first, then changes of the forces.  For regimes see
-    `diagnosis.pipeline`.
+    Sensor errors that kinematics shows come first, then changes of the forces.  Squared residuals are counted
+    in floors: the squared residual of the hull-force model on held-out stretches of the earlier recording.
 
     Attributes:
         file: Vehicle file.
@@ -308,7 +308,10 @@ class Change:
         return replace(first, best=min(rivals.values(), key=first.penalised))
 
     def penalty(self, rival: Contender) -> float:
-        """Return a rival's penalty for its parameters and for the hull-force error that it absorbs."""
+        """Return a rival's penalty for its parameters and for the hull-force error that it absorbs.
+
+        It is in units of the squared residual, as the rival's held-out cost.
+        """
         return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
 
     def penalised(self, rival: Contender) -> float:
@@ -322,7 +325,10 @@ class Change:
 
     @property
     def leads(self) -> tuple[float, float]:
-        """Leads in penalised cost of the best over the next candidate and over no change, in floors."""
+        """Two leads of the best candidate in penalised cost: over the next candidate, and over no change.
+
+        Their unit is the floor, the squared residual of the hull-force model on held-out data.
+        """
         best, none = self.penalised(self.best), float(self.whole.sum())
         others = [self.penalised(one) for one in self.rivals.values() if one.effect != self.best.effect]
         return (min(others, default=np.inf) - best) / self.floor, (none - best) / self.floor
@@ -340,7 +346,7 @@ class Change:
         due to chance (`lead_confidence`).
 
         Args:
-            given: Squared residual of the file as given, in floors.
+            given: Squared residual of the file as given, in units of `floor`.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
@@ -358,7 +364,9 @@ class Change:
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
     def wins(self, seed: int = 0) -> dict[str, float]:
-        """Return the share of the resamples in which each rival is the best, in descending order.
+        """Return the share of bootstrap resamples of the shots in which each rival is the best, by effect.
+
+        The largest share comes first.
 
         Args:
             seed: Seed of the resamples.
@@ -508,7 +516,7 @@ def _finding(
 
 
 def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
-    """Return the Akaike weight of an effect's values against those of the file, or against 0.
+    """Return the Akaike weight, 0 to 1, of an effect's values against those of the file, or against 0.
 
     The log likelihood of the file's values is less by half their squared distance in the joint posterior,
     whose covariance includes the hull model's error.  Each value costs one (Burnham and Anderson 2002, sec.

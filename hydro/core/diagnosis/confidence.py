@@ -221,9 +221,9 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
 def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
     """Return findings with the share that they explain together divided among them, if they overlap.
 
-    Each adds little to the others, and the sum of these additions is far less than the share together.  Each
-    then gets a part of `together` in proportion to its addition.  Findings that do not overlap are returned
-    as they are.
+    Each finding adds little to all other findings, and the sum of these additions is far less than the
+    share of all together.  Each then gets a part of `together` in proportion to its addition.  Findings
+    that do not overlap are returned as they are.
 
     Args:
         findings: Findings, with the share that each adds to the others.

@@ -81,14 +81,15 @@ class Contender:
     def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
         """Return the penalty of this effect, in units of squared residual.
 
+        The floor is the squared residual that the hull-force model leaves on held-out data.
         If a rival reaches the floor, each parameter costs a share of at most FIT floors, because the rest of
         the residual was due to the change.  Otherwise no candidate is right, and a parameter costs a share of
         the whole residual.  An effect that absorbs hull-force error costs more.
 
         Args:
             rivals: All fitted candidates.
-            whole: Squared residual without a change.
-            floor: Squared residual of the hull model.
+            whole: Held-out squared residual without a change.
+            floor: Squared residual of the hull model on held-out data.
         """
         absorbs = CATALOGUE[self.effect].identification.absorbs
         right = min(one.left for one in rivals) <= RIGHT * floor
@@ -161,7 +162,10 @@ class Compared:
         return left if left.sum() >= here.sum() else here
 
     def settled(self, model: Model) -> bool:
-        """Return whether linear steps to the other folds stay where the problem is nearly linear."""
+        """Return whether held-out costs by linear steps from a fit can be trusted.
+
+        They can if they are at most RIGHT times the costs of the fit itself.
+        """
         return bool(self.left_out(model.normal).sum() <= RIGHT * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
@@ -177,11 +181,14 @@ class Compared:
         return np.asarray(self.weight * found)
 
     def floor(self, model: Model) -> float:
-        """Return the weighted squared residual that all shots have at the floor of the hull model."""
+        """Return the sum of the weighted squared residuals if all shots were at the floor of the hull model.
+
+        The floor is the residual of the hull model on held-out data; residuals are in its unit.
+        """
         return float(self.weight @ model.normal.freedoms)
 
     def chi2(self, model: Model) -> float:
-        """Return the mean squared residual in units of the floor."""
+        """Return a model's weighted mean squared residual, in units of the floor of the hull model."""
         return float(self.weight @ model.costs) / self.floor(model)
 
     def corrected(self, vehicle: Vehicle) -> OutputError:

@@ -72,7 +72,7 @@ class Model:
         return self.unknown.at(self.values)
 
     def estimated(self) -> Fit:
-        """Return the fitted values with standard errors, on a vehicle that is physically possible."""
+        """Return the fit: values with standard errors and covariance, on a physically possible vehicle."""
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
 
     def over(self, kept: NDArray[np.bool_]) -> Model:
@@ -139,8 +139,8 @@ def fit_model(
         vehicle: Vehicle.
         effects: Names or starting tables of the effects to fit.
         problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which the place of an effect that
-            is fixed in the world, such as a tether's anchor, is searched for.
+        reach: Positions [m] and times [s] of the recording, (N, 4): the places among which that of an effect
+            fixed in the world, such as a tether's anchor, is searched for.
         iterations: Maximum number of steps; with 0 the values stay as they are.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
         known: Function from the free components to their prior; by default a weak one.
@@ -182,7 +182,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
         vehicle: Vehicle.
         effects: Names or starting tables of the effects that would be fitted.
         problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), where fixed points are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
     """
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
@@ -282,7 +282,7 @@ def fitted_or_kept(
         vehicle: Vehicle.
         effects: Names or starting tables of the effects to fit.
         problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), where fixed points are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
 
     Raises:
@@ -315,7 +315,7 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
     Args:
         model: Fitted model.
         problem: Shots, starting at the measured states.
-        reach: Positions [m] and times [s] of the recording, (N, 4), where fixed points are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
     """
     if model.excess < MATERIAL * model.normal.residuals:
@@ -336,7 +336,7 @@ class Screening:
     """Linearised test of all candidates about one model.
 
     A candidate adds columns of derivatives to the linearised problem.  A nonlinear effect has several shapes,
-    each with its own columns, see `identification.suspects`.
+    (starting tables), each with its own columns.
 
     Attributes:
         model: Model, possibly over a part of the shots.
@@ -415,10 +415,13 @@ def beyond_noise(model: Model) -> float:
 
 
 def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
-    """Return the best model and those that are not distinct from it, the best first.
+    """Return the names of the best model and of all that are not distinct from the best, the best first.
 
     A model is distinct if its penalised cost is higher by more than DISTINCT standard errors of the
     difference between shots.  All models have the same shots.
+
+    Args:
+        fits: Fitted models, by effect.
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}

@@ -93,7 +93,7 @@ class Search:
         told: Called once with the best candidate after the first fits; None for a search that reports none.
         reported: Candidates that were reported to `told`, shared by all searches of one diagnosis.
         other: Outcome of another search; a search that only repeats it ends.  None without one.
-        far: Residual in units of the noise; if the first effect leaves more, the search pauses, see `waits`.
+        far: Residual in units of the noise; if the first effect leaves more, the search pauses.
     """
 
     baseline: Baseline
@@ -441,7 +441,9 @@ class Search:
         return chi2 > FAR_FROM_NOISE and screening.evidence.left * chi2 > FAR_FROM_NOISE
 
     def from_distant_starts(self, filed: Model) -> dict[str, Model]:
-        """Return fits of the file with each effect that a fit from zero does not find.
+        """Return fits of the file with each effect that has starting tables far from zero in the catalogue.
+
+        A fit of such an effect that starts from zero does not find the values.
 
         Args:
             filed: Model with the file's values.
@@ -506,7 +508,7 @@ class Search:
         return Outcome(model, tuple(kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
-        """Return the model without one finding, the others refitted; the baseline if that diverges.
+        """Return the model without one finding, all others refitted; the baseline if the fit diverges.
 
         Args:
             model: Model with all findings.

@@ -172,7 +172,7 @@ class Known:
         return replace(prior, information=CORRELATED * self.temper * prior.information)
 
     def alone(self, unknown: Free) -> Prior:
-        """Return the priors of the components without tempering, in units of their scales."""
+        """Return the priors of the components, in units of their scales, as for a residual of white noise."""
         scales = unknown.scales
         spread = deviations(self.file, unknown.entries) / scales
         names = np.array([entry.effect for entry in unknown.entries])

@@ -109,7 +109,7 @@ def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
 
     Args:
         labels: Labels table, or the same table after `split`.
-        feature_set: `raw` or `physfeat`, see `features`.
+        feature_set: `raw` (velocity and acceleration) or `physfeat` (also products of velocities).
 
     Returns:
         `session`, `t`; `block` and `part` if the table was split; the features as float32 columns, named by

@@ -16,7 +16,7 @@ from hydro.core.prediction.normal_equations import block_length
 
 
 def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
-    """Return the names of the axes that the later step predicts significantly and materially worse.
+    """Return the names (u to r) of the axes that the later step predicts significantly and materially worse.
 
     The errors of both steps are paired by stretch.  Blocks of successive stretches are resampled by the
     Bayesian bootstrap.  A rise of the error by less than NEGLIGIBLE is not material.

@@ -27,8 +27,8 @@ SUSPECTED, FAR = "suspect", "far_from_noise"
 def options(step: Step) -> list[dict[str, Table]]:
     """Return the choices for the next step, the best missing effect first.
 
-    A choice holds the `[[effect]]` tables to fit together, by effect name: a missing effect, and the effects
-    of the file with new values.  The best confirmed finding is the only choice, unless trials decide
+    A choice is a dict of the `[[effect]]` tables to fit together, by effect name: a missing effect, and the
+    effects of the file with new values.  The best confirmed finding is the only choice, unless trials decide
     (`is_open`): then all unconfirmed effects are choices too.  New values alone make a step only if the last
     one did not fit these effects.
 

@@ -35,7 +35,7 @@ class Network:
         weights: Weights of all steps, concatenated.
         room: Size of the workspace in values: the inputs first, the wrench last.
         physfeat: Whether the features are the 45 of `distillation.features`; otherwise the twelve states.
-        memory: Number of past values in the input, see `distillation.history`.
+        memory: Number of past velocity components in the input, 6 per past time.
         period: Time between past velocities [s]; None for a model without memory.
         scalers: Input means and scales, output means and scales, concatenated.
         passive: For a passive model, the index of A in the workspace and the offset of its weights, as in
@@ -92,8 +92,7 @@ class Network:
 
         Args:
             states: Velocity and acceleration (nu, nu_dot), FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
-            past: Past velocities (N, memory), see `distillation.history.past`; by default the present
-                velocity.
+            past: Past velocities, newest first, (N, memory) [m/s, rad/s]; by default the present velocity.
 
         Returns:
             tau_res about CO (N, 6) [N, N m], FRD, on the left-hand side of the equation of motion.
