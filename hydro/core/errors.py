@@ -36,7 +36,7 @@ def shown(text: str) -> str:
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words as an enumeration, such as `a, b and c`; `last` is the word before the last one."""
+    """Return words as an enumeration, such as `a, b and c`; `last` is the conjunction."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -90,7 +90,7 @@ class ThrusterAudit:
         return self.plain <= 1.0 - SURE
 
     def columns(self) -> tuple[str, ...]:
-        """Return the command columns that the stated assignment or an alternative changes, sorted."""
+        """Return the sorted names of command columns that the stated assignment or an alternative changes."""
         every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
         return tuple(sorted({name for wiring in every for name in wiring.columns()}))
 

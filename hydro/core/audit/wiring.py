@@ -55,7 +55,7 @@ class Wiring:
             yield tuple(changed)
 
     def simpler(self) -> Iterator[Wiring]:
-        """Yield the assignments with one difference from the file less: a sign, or an exchange of columns."""
+        """Yield the assignments that differ from the file in one sign, or one exchange of columns, less."""
         for i, sign in enumerate(self.sign):
             if sign < 0:
                 yield Wiring(self.column, (*self.sign[:i], 1, *self.sign[i + 1 :]))

@@ -45,7 +45,7 @@ NOTHING = "nothing can be concluded about the vehicle"
 
 
 def unready(record: Recording) -> str:
-    """Return why a recording shows nothing about the vehicle; empty if the recording is usable."""
+    """Return in words why a recording shows nothing about the vehicle; empty if the recording is usable."""
     runs, still, floats = ran(record), not moved(record), at_surface(record)
     if not runs and still:
         return f"the thrusters never ran and the vehicle did not move: {NOTHING}; record it under way"

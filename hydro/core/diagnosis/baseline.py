@@ -116,7 +116,7 @@ class Baseline:
         return replace(self, problem=problem, given=given, refitted=refitted)
 
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
-        """Return a vehicle with the values of its existing effects replaced by those of `filed`."""
+        """Return a copy of a vehicle whose existing effects have the starting values, those of `filed`."""
         own = [table for table in self.filed.effect if table["name"] in self.effects]
         others = [table for table in vehicle.effect if table["name"] not in self.effects]
         return msgspec.structs.replace(vehicle, effect=(*own, *others))

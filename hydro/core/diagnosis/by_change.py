@@ -142,7 +142,7 @@ class ByChange:
         return self.shown(replace(found[0], refused=found[1]))
 
     def shown(self, changes: Changes) -> Changes:
-        """Return changes with their joint fit, without the last ones whose values are likelier unchanged."""
+        """Return changes with their joint fit; the last goes while its values are likelier unchanged."""
         while changes.found:
             entries = [entry for one in changes.found for entry in one.best.model.unknown.entries]
             fit = joint_fit(self.compared, self.first.vehicle, self._last(changes).vehicle, entries)
@@ -152,10 +152,10 @@ class ByChange:
         return changes
 
     def is_open(self, changes: Changes) -> bool:
-        """Return whether another change is searched for.
+        """Return whether the search for changes goes on.
 
-        The first one always is, unless the vehicle has changes already.  A further one is if more than the
-        floor of the hull model remains, and there are fewer than MOST_FINDINGS changes.
+        It does for the first change of an unchanged vehicle.  For a further change, more than the floor of
+        the hull model must remain, and fewer than MOST_FINDINGS changes be found.
         """
         if self.further or changes.found:
             left = self.compared.chi2(self._last(changes))
@@ -335,7 +335,10 @@ class Change:
 
     @property
     def relative_gain(self) -> float:
-        """Removed squared residual, as a share of the greater of the present one and the floor."""
+        """Squared residual that the best candidate removes, as a share of the present one or of the floor.
+
+        The greater of both is the divisor.
+        """
         whole = float(self.whole.sum())
         return self.score * whole / max(whole, self.floor)
 

@@ -174,7 +174,9 @@ def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Return one named change: that with the most evidence, or that removing the most held-out error.
+    """Return the change with the most evidence, or that which removes the most held-out error.
+
+    Where no change can be named, the result has no findings.
 
     Values that physics excludes show that an effect stands for another.  Then the next best with plausible
     values is named, if its score is at least NEARLY_EQUAL of the first one's.

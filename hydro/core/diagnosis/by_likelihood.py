@@ -80,7 +80,7 @@ class ByLikelihood:
         return refine(self.search.baseline, settled)
 
     def findings(self, outcome: Outcome) -> list[Finding]:
-        """Return all verdicts, with warnings about values that physics excludes."""
+        """Return all findings in their order, with warnings about values that physics excludes."""
         baseline = self.search.baseline
         return [with_implausible(one, baseline.vehicle) for one in verdicts(baseline, outcome)]
 

@@ -283,7 +283,7 @@ def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Find
 
 
 def stated(finding: Finding) -> Finding:
-    """Return a confirmed finding as unconfirmed if its confidence is below SURE.
+    """Return a finding, with the verdict `suspect` if it is confirmed with a confidence below SURE.
 
     Of effects that the recording cannot separate, the confidence of the whole group counts.
     """

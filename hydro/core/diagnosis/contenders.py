@@ -75,7 +75,7 @@ class Contender:
 
     @property
     def left(self) -> float:
-        """Held-out squared residual of all shots."""
+        """Held-out squared residual, summed over all shots."""
         return float(self.costs.sum())
 
     def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
@@ -137,7 +137,7 @@ class Compared:
 
     @property
     def unchanged(self) -> OutputError:
-        """Shots of the earlier recording, corrected for the hull force, with residuals in the same floors."""
+        """Shots of the earlier recording, corrected for the hull force, with the units of `problem`."""
         return self.hull.unchanged.weighed(self.problem.shots.sigma)
 
     def left_out(self, normal: Normal) -> Array:
@@ -149,7 +149,7 @@ class Compared:
         return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
 
     def elsewhere(self, model: Model) -> Array:
-        """Return the held-out cost of each of S shots about a fit, (S,), at least its cost in total.
+        """Return the held-out cost of each of S shots about a fit, (S,); in total at least its own cost.
 
         A linear step may pass a parameter's bounds and promise a cost below that of the fit.  Where the steps
         lead so far that the linear problem is unreliable, each fold is predicted by a new fit to the others.

@@ -133,12 +133,12 @@ class Prediction:
 
     @property
     def falls(self) -> bool:
-        """Whether confirmed findings lower the error by more than the standard error of the difference."""
+        """Whether the error with findings, `added`, is below `given` by more than `spread`."""
         return self.given - self.added > self.spread
 
     @property
     def refuted(self) -> bool:
-        """Whether there are confirmed findings, and the error does not fall with them."""
+        """Whether confirmed findings exist, and the error does not fall with them by more than `spread`."""
         return self.added != self.given and not self.falls
 
 
@@ -224,14 +224,17 @@ class Diagnosis:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Numbers and headline that a diagnosis file keeps beside the table of findings."""
+        """What a diagnosis file keeps beside its table: `chi2`, and `prediction` and `headline` if any."""
         kept: dict[str, Any] = {"chi2": [round(value, 4) for value in self.chi2]}
         if self.prediction is not None:
             kept[PREDICTION] = asdict(self.prediction)
         return kept | ({HEADLINE: self.headline} if self.headline else {})
 
     def frame(self) -> pl.DataFrame:
-        """Return the diagnosis table, one row per finding; effect tables as inline TOML."""
+        """Return the diagnosis table: one row per finding, with `rank` from 1 and the finding's attributes.
+
+        Columns of shares begin with `share_`; effect tables are inline TOML.
+        """
         found = self.findings
         columns = {
             "rank": range(1, len(found) + 1),
@@ -298,7 +301,7 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
 
 
 def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
-    """Return the confidence in each unconfirmed effect, by its name; NaN if it is not known."""
+    """Return the confidence in each unconfirmed effect of a diagnosis table, by name; NaN if not known."""
     rows = diagnosis.sort("rank").filter(verdict="suspect")
     pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
     return dict(pairs)

@@ -64,7 +64,7 @@ class Preprocessed:
 
     @property
     def misdirected(self) -> bool:
-        """Whether directions or order of the thrusters differ from the file."""
+        """Whether the audit is certain that directions or order of the thrusters differ from the file."""
         return self.audit is not None and self.audit.wrong
 
     def require_directions(self, file: str = "") -> None:
@@ -80,7 +80,7 @@ class Preprocessed:
             raise DataError(f"{self.audit.headline(file)}; or continue as it is with --correct-thrusters")
 
     def as_audited(self) -> Preprocessed:
-        """Return the recording with its command columns as the audit corrected them, accepted as right."""
+        """Return a copy without the audit: command columns, as the audit corrected them, count as right."""
         return replace(self, audit=None)
 
     def audited(self, found: ThrusterAudit | None) -> Preprocessed:
@@ -106,7 +106,7 @@ class Preprocessed:
 
     @property
     def middle(self) -> Array:
-        """Start of a next manoeuvre: the median pose of the recording, level, (6,)."""
+        """Start pose of a next manoeuvre, (6,) [m, rad]: the median position, level, heading north."""
         pose: Array = np.median(self.record.eta, axis=0) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
         return pose
 

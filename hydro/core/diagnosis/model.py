@@ -102,7 +102,7 @@ class Model:
 
     @property
     def penalised(self) -> Array:
-        """Costs of S shots, (S,), each with an equal part of the penalty for all parameters."""
+        """Squared residual of each shot plus an equal part of the penalty for all parameters, (S,)."""
         shots = len(self.costs)
         penalised: Array = self.costs + penalty(shots, len(self.values), self.normal.chi2) / shots
         return penalised
@@ -182,7 +182,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
         vehicle: Vehicle.
         effects: Names or starting tables of the effects that would be fitted.
         problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
     """
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
@@ -222,7 +222,7 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
 
 
 def passive(model: Model) -> Model:
-    """Return the model with the nearest values that a passive hull can have.
+    """Return the model with the nearest values that a vehicle file accepts, such as passive damping.
 
     A candidate must be a vehicle that can exist: otherwise values that cannot be given decide its rank.
     """
@@ -282,7 +282,7 @@ def fitted_or_kept(
         vehicle: Vehicle.
         effects: Names or starting tables of the effects to fit.
         problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
 
     Raises:
@@ -315,7 +315,7 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
     Args:
         model: Fitted model.
         problem: Shots, starting at the measured states.
-        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
         share: Least relative reduction of the cost by a step; a smaller one ends the fit.
     """
     if model.excess < MATERIAL * model.normal.residuals:

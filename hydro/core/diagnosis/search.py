@@ -356,7 +356,11 @@ class Search:
         return Outcome(state.model, state.found, last)
 
     def is_open(self, state: Grown) -> bool:
-        """Return whether another effect may join."""
+        """Return whether another effect may join the model.
+
+        None may if there are MOST_FINDINGS, if the search repeats `other`, if the findings explain little,
+        or if another search should come first (`waits`).
+        """
         model, found = state.model, state.found
         if len(found) == MOST_FINDINGS:
             return False

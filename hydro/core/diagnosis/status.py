@@ -94,7 +94,7 @@ def _likely(one: Finding) -> float:
 
 
 def in_words(confidence: float) -> str:
-    """Return a confidence in words and percent; without one, as of a discovered formula, `possible`."""
+    """Return a confidence as text, such as `likely, 75 %`; `possible` for NaN, as of a discovered formula."""
     if np.isnan(confidence):
         return "possible"
     word = "very likely" if confidence >= SURE else "likely" if confidence >= LIKELY else "possible"
@@ -102,7 +102,7 @@ def in_words(confidence: float) -> str:
 
 
 def percent(confidence: float) -> str:
-    """Return a confidence in percent; above MOST_STATED as `more than` that."""
+    """Return a confidence as text in percent, such as `75 %`; at most `more than` MOST_STATED."""
     if confidence > MOST_STATED:
         return f"more than {100.0 * MOST_STATED:.0f} %"
     told = f"{100.0 * confidence:.0f} %"

@@ -117,7 +117,7 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def released(vehicle: Vehicle, name: str) -> Vehicle:
-    """Return the vehicle with the values of an effect no longer marked as known."""
+    """Return a copy of a vehicle in which the values of an effect are not marked as known."""
     tables = (t | {"known": False} if t["name"] == name else t for t in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
@@ -159,9 +159,10 @@ def with_steady_wrenches(
 
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
-    """Yield the vehicle with each of twelve small steady pulls, as of a rope.
+    """Yield twelve copies of a vehicle, each with one small steady pull as of a rope.
 
-    Each pull is along one NED axis, and acts at the body origin CO, ahead of it, to starboard or below.
+    Each pull is along one NED axis, and acts at the body origin CO, or half a hull length ahead of CO, to
+    starboard or below.
     """
     pull = SMALL_STEP * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length

@@ -33,7 +33,7 @@ def promising(
         own: Existing effects that are fitted together with each.
         problem: Shots, starting at the measured states, or windows of equation error.
         fold: Fold that each shot or window is held out with, (S,).
-        reach: Positions [m] and times [s] of the recording, (N, 4), where e.g. anchors are sought.
+        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
     """
     model = begun(vehicle, own, problem, reach) if own else unfitted(vehicle, problem)
     tried = suspects(vehicle, without=own, reach=reach, completing=True)

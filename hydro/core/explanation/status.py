@@ -93,7 +93,10 @@ def _corrected(steps: Sequence[Step], chosen: Step) -> dict[str, bool]:
 
 
 def findings(diagnosis: pl.DataFrame) -> list[Finding]:
-    """Return the rows of a diagnosis table as findings, with the attributes that a headline needs."""
+    """Return the rows of a diagnosis table as findings, in the order of their rank.
+
+    Shares, p-values and other numbers that a headline does not need are left out.
+    """
     return [
         Finding(
             row["verdict"],

@@ -133,7 +133,7 @@ class Recordings:
         return weighted.coarsened(vehicle) if normal.chi2 > FAR_FROM_NOISE else weighted
 
     def is_far(self, vehicle: Vehicle) -> bool:
-        """Return whether the residual of a vehicle is above FAR_FROM_NOISE."""
+        """Return whether the mean squared residual of a vehicle exceeds FAR_FROM_NOISE, in units of noise."""
         problem = OutputError.of(self.problem.shots, vehicle).weighed(self.log.noise)
         return unfitted(vehicle, problem).normal.chi2 > FAR_FROM_NOISE
 
@@ -437,7 +437,7 @@ class Quick:
         return next(iter(self.found))
 
     def ended(self, recordings: Recordings) -> Quick:
-        """Return the converged fit; unchanged if it diverges.
+        """Return a copy with the fit continued to convergence; this fit itself if that diverges.
 
         The fit continues on shots whose channels are weighted by the residual of the quick fit.
         """

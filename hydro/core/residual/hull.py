@@ -81,7 +81,7 @@ class Hull:
 
     @property
     def describes(self) -> bool:
-        """Whether the law describes the vehicle, by the function `describes`."""
+        """Whether the law predicts held-out data acceptably, or better than the file alone."""
         return describes(self.given, self.left)
 
 
@@ -204,7 +204,10 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
 
 
 def stretches(shots: Shots) -> Rows:
-    """Return the cross-validation fold of each of S shots, (S,): stretches of STRETCH seconds in turn."""
+    """Return the cross-validation fold of each of S shots, from 0, (S,).
+
+    Successive stretches of STRETCH seconds get the folds in turn.
+    """
     seconds = (shots.length - shots.lead) * shots.record.dt
     number = np.arange(len(shots.starts)) // max(round(STRETCH / seconds), 1)
     return np.asarray(number % min(FOLDS, int(number[-1]) + 1), np.int64)

@@ -91,14 +91,20 @@ class Flow:
 
 
 def terms(flow: Flow) -> Array:
-    """Return the F library terms at each of N rows of a motion, (N, F)."""
+    """Return the F library terms at each of N rows of a motion, (N, F).
+
+    Their order: the features of `distillation.features`, |nu_i| nu_j of PAIRS, unit vector down, and 1.
+    """
     nu = flow.nu
     pairs = np.stack([np.abs(nu[:, i]) * nu[:, j] for i, j in PAIRS], axis=1)
     return np.hstack([features(np.hstack([nu, flow.nu_dot])), pairs, flow.down, np.ones((len(nu), 1))])
 
 
 def sizes(vehicle: Vehicle) -> Array:
-    """Return the prior standard deviation of the coefficients of F library terms on each axis, (F, 6)."""
+    """Return the prior standard deviations of the coefficients of F library terms on each axis, (F, 6).
+
+    They follow from the hull's box, buoyancy and water density; the terms have the order of `terms`.
+    """
     box, rho = vehicle.hull, vehicle.environment.water_density
     lever = 0.5 * box.length
     area = (box.length * box.width + box.width * box.height + box.height * box.length) / 3.0

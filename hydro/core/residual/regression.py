@@ -60,7 +60,7 @@ class Regression:
         return [replace(self, coefficients=each) for each in self.left_out]
 
     def moved(self, step: Regression) -> Regression:
-        """Return the sum of this fit's coefficients and those of `step`, whose stretches are the same."""
+        """Return a copy with the coefficients of `step`, a fit with the same stretches, added."""
         coefficients, left_out = self.coefficients + step.coefficients, self.left_out + step.left_out
         return replace(self, coefficients=coefficients, left_out=left_out)
 
@@ -181,7 +181,10 @@ def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[
 
 
 def thinning(shots: Shots) -> int:
-    """Return the number of rows from one compared row to the next; 1 where samples are rarer than rows."""
+    """Return how many rows lie from one compared row to the next, because not every row is compared.
+
+    It is 1 where samples are rarer than rows.
+    """
     return 1 if shots.seen is not None else max(round(EVERY / shots.record.dt), 1)
 
 

@@ -141,7 +141,7 @@ class Transitions:
 
 
 def rows_of(shots: Shots, part: slice = slice(None)) -> Rows:
-    """Return the rows of the recording in each of s shots of a slice, (s, length)."""
+    """Return the row numbers, in the recording, of each of s shots of a slice, (s, length)."""
     rows: Rows = shots.starts[part, None] + np.arange(shots.length)
     return rows
 
