@@ -143,7 +143,7 @@ def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
     assert hydro.read("study/diagnosis-1.parquet")["verdict"].to_list() == ["nothing_missing"]
     page = render(gather(["study"]))
     assert "What has changed since the recording “earlier”?" in page
-    assert "with thruster_gain" in page
+    assert "with thruster gain" in page
     assert "Noise explains the remaining error" not in page
     assert run(*line) == 0
     assert "(already done)" in capsys.readouterr().err

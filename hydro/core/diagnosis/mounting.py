@@ -17,6 +17,8 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.diagnosis.findings import Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
+from hydro.core.effects import CATALOGUE
+from hydro.core.effects.sensor import ANGLES
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
@@ -41,13 +43,19 @@ def with_mounting(
         misfit: Function that returns the mean squared residual of a vehicle in a recording.
         hull: Hull-force model from an earlier recording.
     """
-    test = next((one for one in errors if one.effect == "sensor_misalignment"), None)
+    test = next((one for one in errors if _turns(one)), None)
     if test is None or vehicle.effects(test.effect):
         return log
     back = preprocess(vehicle, turned_back(log.raw, test.estimate), hull)
     if misfit(vehicle, back) >= misfit(extended(vehicle, [test.table]), log):
         return log
     return replace(back, faults=(_fault(test), *log.faults))
+
+
+def _turns(test: KinematicTest) -> bool:
+    """Return whether a test is that of angles between the DVL and the attitude sensor."""
+    kinematics = CATALOGUE[test.effect].kinematics
+    return kinematics is not None and kinematics.place == ANGLES
 
 
 def turned_back(raw: pl.DataFrame, angles: Array) -> pl.DataFrame:

@@ -157,8 +157,10 @@ def diagnose_log(
         found = reported(ByChange.of(vehicle, log, hull, further, provisional), search)
     else:
         search("shots", 0.0)
-        log = with_mounting(vehicle, log, filter(shown_by_kinematics, log.sensors.values()), _misfit)
         start, shots = stable_start(vehicle, log)
+        shown_errors = filter(shown_by_kinematics, log.sensors.values())
+        if (back := with_mounting(vehicle, log, shown_errors, _misfit)) is not log:
+            log, (start, shots) = back, stable_start(vehicle, back)
         if in_vain and unfitted(start, shots).normal.chi2 > FAR_FROM_NOISE:
             shots = shots.coarsened(start)
         search("baseline fit", 0.05)
