@@ -61,7 +61,7 @@ class Entry(NamedTuple):
 
 
 def undetermined(case: Case, subject: str, value: str) -> str:
-    """State that a log does not determine a value, or shows no difference from the file's value.
+    """Return a sentence that a log does not determine a value, or shows no difference from the file's value.
 
     Args:
         case: Values of the effect; the second statement is for an effect that the vehicle file has.
@@ -75,7 +75,10 @@ def undetermined(case: Case, subject: str, value: str) -> str:
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
-    """Sort components by the difference from the file: first in standard errors, then in size."""
+    """Return components in a new list, sorted by the difference from the file in standard errors, largest first.
+
+    Components with equal numbers of standard errors are sorted by the size of the difference.
+    """
     return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
 
 
@@ -185,12 +188,17 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
 
 def more(left: int, noun: str = "") -> list[str]:
-    """Count the omitted components, as the last item of a list: `3 more values`."""
+    """Return the number of omitted components as the last item of a list, `["3 more values"]`; empty for none.
+
+    Args:
+        left: Number of omitted components.
+        noun: Name of the components, `value` if empty.
+    """
     return [f"{left} more {noun}{'s' * (left > 1 and bool(noun))}".strip()] if left > 0 else []
 
 
 def against_file(entry: Entry, first: bool) -> str:
-    """Compare a component with the file's value: by their ratio if it is simple, else by both values.
+    """Return words that compare a component with the file: by the ratio if it is simple, else by both values.
 
     Args:
         entry: The component.

@@ -151,14 +151,18 @@ def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def loose(tilt: float, lag: float) -> Table:
-    """Return a `drifting_ballast` table with zero mass, a tilt [rad] and a lag [s]."""
+    """Return a new `drifting_ballast` table with zero mass, a tilt [rad] and a lag [s]."""
     return {"name": DRIFTING_BALLAST.name, "S": [0.0, 0.0], "tilt": tilt, "T": lag}
 
 
 def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
-    """Return trial shapes of `drifting_ballast`, one for each tilt [rad] and lag [s].
+    """Return a function that yields one trial shape of `drifting_ballast` for each pair of tilt and lag.
 
-    A shape has a column for each direction of sliding.
+    Each shape is a linear problem with one column for each direction of sliding, surge and sway.
+
+    Args:
+        tilts: Tilts [rad] at which the ballast reaches its stop, in the sense of tanh(d/tilt).
+        lags: Time constants of the sliding [s].
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
@@ -170,43 +174,70 @@ def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
 
 
 def shown_tilts(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of the tilt parameter that a recording can show [rad]."""
+    """Return the least and greatest tilt parameter that a recording can show [rad].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return LEAST_TILT, MOST_TILT
 
 
 def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of the lag that a recording can show [s]."""
+    """Return the least and greatest lag that a recording can show [s].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return LEAST_LAG, MOST_LAG
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the plausible range of a sliding ballast, mass times travel [kg m].
+    """Return the least (0) and greatest plausible sliding ballast, mass times travel [kg m].
 
-    The maximum is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
+    The greatest is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
+
+    Args:
+        index: Place of the component, the direction of sliding as last entry: 0 along surge, 1 along sway.
+        vehicle: The vehicle, for its mass and hull.
     """
     hull = vehicle.hull
     return 0.0, 0.1 * vehicle.rigid_body.mass * (hull.length, hull.width)[index[-1]]
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a coordinate of a payload's place: within two hull lengths of CO [m]."""
+    """Return the minimum and maximum of a coordinate of a payload's place [m]: two hull lengths either way of CO.
+
+    Args:
+        index: Not used.
+        rest: Vehicle without the fitted effect, for the length of its hull.
+    """
     return -2.0 * rest.vehicle.hull.length, 2.0 * rest.vehicle.hull.length
 
 
 def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return initial tables of `payload`: a small weight and a small lift at CO.
+    """Return two tables of `payload` from which fits start: a small weight, and a small lift, at CO.
 
     The weight is not zero, because the place of a payload without weight has no influence on the motion.
+
+    Args:
+        vehicle: The vehicle, whose weight sets the size.
+        reach: Not used.
     """
     weight = of_weight(0.005)(vehicle)
     return [{"w": weight}, {"w": -weight}]
 
 
 def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `payload` with five columns.
+    """Yield one trial shape of `payload`, a linear problem with five columns.
 
-    They are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear in w,
-    w x, w y, w z and m.
+    The columns are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear in
+    w, w x, w y, w z and m.
+
+    Args:
+        vehicle: The vehicle, whose mass, weight and length set the sizes of the columns.
+        reach: Not used.
     """
     weight = of_weight(0.01)(vehicle)
     mass, lever = 0.3 * vehicle.rigid_body.mass, LEVER * vehicle.hull.length
@@ -230,7 +261,7 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return two simpler effects that may explain the same log as a payload.
+    """Return two simpler effects, each a new `[[effect]]` table, that may explain the same log as a payload.
 
     The first is a net buoyancy [N] of the payload's weight, for a payload without mass at the centre of
     buoyancy.  The second is a shift of the centre of buoyancy, in body axes [m], with the payload's moment

@@ -154,20 +154,34 @@ def logged_position(log: Array, states: Array) -> Array:
 
 
 def true_position(log: Array, states: Array) -> Array:
-    """Return states with the position of the logged reference point replaced by that of CO.
+    """Return new states with the position of the logged reference point replaced by that of CO.
 
-    Inverse of `logged_position`, with the same arguments.
+    It is the inverse of `logged_position`.
+
+    Args:
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
+        states: Position, unit quaternion and velocity, (..., 13); NaN stays NaN.
     """
     return _moved(states, -_rotated(states[..., 3:7], log[POINT])) if log[POINT].any() else states
 
 
 def logged_pose(log: Array, eta: Array) -> Array:
-    """Return poses (..., 6) with the position of CO replaced by that of the logged reference point."""
+    """Return new poses with the position of CO replaced by that of the logged reference point.
+
+    Args:
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
+        eta: Poses, NED, (..., 6) [m, rad].
+    """
     return _moved(eta, _turned(eta, log[POINT])) if log[POINT].any() else eta
 
 
 def true_pose(log: Array, eta: Array) -> Array:
-    """Return poses (..., 6) with the position of the logged reference point replaced by that of CO."""
+    """Return new poses with the position of the logged reference point replaced by that of CO.
+
+    Args:
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
+        eta: Poses, NED, (..., 6) [m, rad].
+    """
     return _moved(eta, -_turned(eta, log[POINT])) if log[POINT].any() else eta
 
 
@@ -242,12 +256,17 @@ def _spline(t: Array, values: Array, axis: int) -> CubicSpline:
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the admissible range of a DVL delay [s], from 0 to LONGEST_DELAY."""
+    """Return the least (0) and greatest (LONGEST_DELAY) admissible delay of a DVL [s]."""
     return 0.0, LONGEST_DELAY
 
 
 def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a DVL delay in a fit [s]."""
+    """Return the minimum and maximum of a DVL delay in a fit [s].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return room_of_delay(rest.vehicle)
 
 

@@ -80,17 +80,22 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a coordinate of the tether's attachment: within a hull length of CO [m]."""
+    """Return the minimum and maximum of a coordinate of the tether's attachment [m]: a hull length from CO.
+
+    Args:
+        index: Not used.
+        rest: Vehicle without the fitted effect, for the length of its hull.
+    """
     return -rest.vehicle.hull.length, rest.vehicle.hull.length
 
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return initial tables of `tether` for anchors in the middle and at the edges of the recorded track.
+    """Return tables of `tether` from which fits start, for anchors in the middle, start and edges of the track.
 
-    Each anchor has a cable that is always taut, and one that is taut only on the far half of the track.
+    For each anchor one cable is always taut, and one is taut only on the far half of the track.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: The vehicle, whose weight sets the stiffness.
         reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
     """
     track = np.zeros((1, 3)) if reach is None else reach[:, :3]
@@ -106,11 +111,15 @@ def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
 
 
 def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `tether` without slack, with seven columns.
+    """Yield one trial shape of `tether` without slack, a linear problem with seven columns.
 
     Without slack the force is k (anchor - position), k the stiffness.  It is linear in k and in k times the
     anchor's coordinates.  Columns with anchors in the middle of the track and on three sides represent any
     anchor; three more columns displace the attachment on the body.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])
@@ -132,9 +141,13 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield a trial shape of `tether` for each anchor and slack of `cables`, with four columns.
+    """Yield a trial shape of `tether`, a linear problem with four columns, for each anchor and slack of `cables`.
 
     The force is linear in the stiffness k and in k times the attachment's three coordinates.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever = LEVER * length
@@ -152,12 +165,12 @@ def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def steady_pull(force: float, way: Array, attachment: Array) -> Table:
-    """Return the table of a tether whose anchor is so far away that its pull is the same everywhere.
+    """Return a new table of a tether whose anchor is so far away that its pull is the same everywhere.
 
     Args:
         force: Pull [N].
         way: Unit vector of the direction, NED, (3,).
-        attachment: Point on the body [m], (3,).
+        attachment: Point on the body, FRD from CO, (3,) [m].
     """
     return _cable(force / FAR, 0.0, attachment, FAR * way)
 
@@ -173,19 +186,28 @@ def _cable(k: float, slack: float, attachment: Array, anchor: Array) -> Table:
 
 
 def shallow_to_deep(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of the decay depth that a recording can show [m]."""
+    """Return the least and greatest decay depth that a recording can show [m].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return SHALLOWEST, DEEPEST
 
 
 def absent(decay: float) -> Table:
-    """Return a `surface_suction` table with zero force and a decay depth [m]."""
+    """Return a new `surface_suction` table with zero force and a decay depth [m]."""
     return {"name": SURFACE_SUCTION.name, "A": 0.0, "decay": decay}
 
 
 def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield trial shapes of `surface_suction`, one for each decay depth.
+    """Yield a trial shape of `surface_suction`, a linear problem, for each decay depth of DECAYS.
 
-    Their column is the force at the surface.
+    Each shape has one column, the force at the surface.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Not used.
     """
     for decay in DECAYS:
         yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)

@@ -39,7 +39,10 @@ BASE = {
 
 
 def dimension(unit: str) -> Dimension:
-    """Return the powers of a unit such as `N s^3/m^3`: factors separated by blanks, divisors after a slash.
+    """Return the powers of kg, m, s and rad in a unit such as `N s^3/m^3`.
+
+    Args:
+        unit: Factors separated by blanks, divisors after a slash.
 
     Raises:
         ValueError: A factor is not one of `BASE` with a whole exponent.
@@ -72,12 +75,12 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
 
 
 def of_mass(share: float) -> Size:
-    """Return a function from a vehicle to a share of its mass."""
+    """Return a function from a vehicle to `share` times its mass [kg]."""
     return lambda vehicle: share * _inertia(0, vehicle)
 
 
 def of_mixed(share: float) -> Size:
-    """Return a function from a vehicle to a share of sqrt(m J), m its mass, J its mean moment of inertia.
+    """Return a function from a vehicle to `share` times sqrt(m J), m its mass, J its mean moment of inertia.
 
     This is the significant size of couplings between a force and a moment.
     """
@@ -85,12 +88,12 @@ def of_mixed(share: float) -> Size:
 
 
 def of_moment(share: float) -> Size:
-    """Return a function from a vehicle to a share of its mean moment of inertia."""
+    """Return a function from a vehicle to `share` times its mean moment of inertia [kg m^2]."""
     return lambda vehicle: share * _inertia(2, vehicle)
 
 
 def of_weight(share: float) -> Callable[[Vehicle], float]:
-    """Return a function from a vehicle to a share of its weight."""
+    """Return a function from a vehicle to `share` times its weight [N]."""
     return lambda vehicle: share * vehicle.rigid_body.mass * vehicle.environment.gravity
 
 

@@ -90,7 +90,7 @@ def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
 
 
 def without_uncertainty(text: str) -> str:
-    """Return a sentence without its standard errors and the values of the file."""
+    """Return a sentence without the brackets that hold standard errors and the values of the file."""
     return UNCERTAINTY.sub("", text)
 
 
