@@ -277,9 +277,9 @@ def implausible(
         vehicle: The vehicle.
         names: Effects to check; by default all.
         errors: Standard errors by parameter.  A value outside the range by less than DOUBT standard errors
-            counts as plausible, and so does a value with an unknown standard error.
-        least: Least reported distance from the middle of the range, as a multiple of half the range: 1 reports
-            every value outside, 2 only values outside by half the range or more.
+            counts as plausible, and so does a value whose standard error is NaN or infinite.
+        least: Least reported distance from the middle of the range, as a multiple of half the range: 1
+            reports every value outside, 2 only values outside by more than half the range.
     """
     found = []
     for table in vehicle.effect:

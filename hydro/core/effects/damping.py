@@ -180,7 +180,9 @@ def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a component in a fit of quadratic damping; the total stays at least 0.
+    """Return the minimum and maximum of a component in a fit of quadratic damping.
+
+    They keep the total quadratic damping on its axis at least 0.
 
     Args:
         index: Place of the component, (axis,).

@@ -12,8 +12,7 @@ AXES = ("X Y Z", "K M N")
 
 
 def describe(effect: Effect) -> dict[str, Any]:
-    """Return a new dictionary with an effect's whole record as plain text and numbers; missing bounds are None.
-    """
+    """Return an effect's whole record as plain text and numbers, by their names; missing bounds are None."""
     return {
         "name": effect.name,
         "kind": effect.kind,

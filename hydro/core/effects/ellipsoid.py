@@ -114,9 +114,10 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
 
 
 def at_the_center(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return a list of one `ellipsoid_drag` table from which a fit starts: a typical drag about the hull's centre.
+    """Return a list of one `ellipsoid_drag` table from which a fit starts.
 
-    The drag is not zero, because the place of a zero drag has no influence on the motion.
+    It is a typical drag about the hull's centre.  The drag is not zero, because the place of a zero drag has
+    influence on the motion.
 
     Args:
         vehicle: The vehicle, for the centre of its hull.

@@ -46,7 +46,9 @@ class Thrust(NamedTuple):
         return quantity(100.0 * self.share, error, "%")
 
     def differs(self, share: float) -> bool:
-        """Return whether the thrust differs from a value by more than CLEAR (2) standard errors and ALIKE (3 %).
+        """Return whether the thrust differs significantly from a value.
+
+        The difference must exceed both CLEAR (2) standard errors and ALIKE (3 % of the file's thrust).
 
         Args:
             share: The value, a fraction of the thrust in the vehicle file.
@@ -90,7 +92,10 @@ def joined(clauses: Sequence[str]) -> str:
 
 
 def not_determined(numbers: Sequence[int]) -> str:
-    """Return a sentence that names thrusters, by their numbers from 1, whose gains a log does not determine.
+    """Return a sentence that names thrusters whose gains a log does not determine.
+
+    Args:
+        numbers: Numbers of the thrusters, from 1.
     """
     return f"{capital(group(numbers))} {'are' if len(numbers) > 1 else 'is'} not determined by this log."
 

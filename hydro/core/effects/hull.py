@@ -251,7 +251,9 @@ def plain_area(vehicle: Vehicle) -> float:
 
 
 def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the least and greatest plausible area of a fin [m^2]: 0, and the area of the hull's side or bottom.
+    """Return the least and greatest plausible area of a fin [m^2].
+
+    They are 0, and the area of the hull's side or bottom.
 
     Args:
         index: Not used.
@@ -261,9 +263,10 @@ def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return two `control_surface` tables from which fits start: a small elevator and a small rudder at the stern.
+    """Return two `control_surface` tables from which fits start, a small elevator and a small rudder.
 
-    The area is not zero, because the place of a fin without area has no influence on the motion.
+    Both are at the stern.  The area is not zero, because the place of a fin without area has no influence on
+    motion.
 
     Args:
         vehicle: The vehicle, for the length of its hull.
@@ -277,8 +280,8 @@ def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
     """Return a function that yields trial shapes of `control_surface`, for fins at given rolls and stations.
 
     A shape is a linear problem.  Its columns are the fin's area, its moment along the span and its fixed
-    deflection; further shapes let the fin follow a servo command that no effect uses yet.  No fin is tried at CO,
-    because its negative area would explain errors of fins ahead and astern.
+    deflection; further shapes let the fin follow a servo command that no effect uses yet.  No fin is tried at
+    CO, because its negative area would explain errors of fins ahead and astern.
 
     Args:
         rolls: Roll angles of the span about the x axis [rad].

@@ -75,9 +75,9 @@ def undetermined(case: Case, subject: str, value: str) -> str:
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
-    """Return components in a new list, sorted by the difference from the file in standard errors, largest first.
+    """Return components in a new list, sorted by the difference from the file, the largest first.
 
-    Components with equal numbers of standard errors are sorted by the size of the difference.
+    The difference is first compared in standard errors, then in size.
     """
     return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
 
@@ -188,11 +188,11 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
 
 def more(left: int, noun: str = "") -> list[str]:
-    """Return the number of omitted components as the last item of a list, `["3 more values"]`; empty for none.
+    """Return words for the number of omitted components: a list of one item, such as `3 more values`, or empty.
 
     Args:
-        left: Number of omitted components.
-        noun: Name of the components, `value` if empty.
+        left: Number of omitted components; the list is empty for 0.
+        noun: Name of one component, such as `value`; by default the words are `3 more`.
     """
     return [f"{left} more {noun}{'s' * (left > 1 and bool(noun))}".strip()] if left > 0 else []
 

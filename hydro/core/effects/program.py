@@ -287,9 +287,10 @@ def thrusters_of(flat: Array) -> Array:
 
 @within
 def relative_to_water(flat: Array, s: Array) -> None:
-    """Compute nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`, and write it to `s`.
+    """Compute nu_r = nu - [R^T v_c(z, t); 0] and write it to the state of motion `s`.
 
-    With waves the gradients of the water's velocity are written to `s` too.
+    The velocity, rotation, depth and time are read from `s`.  With waves the gradients of the water's
+    are written to `s` too.
 
     Args:
         flat: All numbers of a program, `Program.flat`.
@@ -321,10 +322,10 @@ def relative_to_water(flat: Array, s: Array) -> None:
 
 @kernel
 def heed(commands: Array, s: Array) -> None:
-    """Write the thruster commands of one time step, (n,), into the state of motion `s`, at most MOST_COMMANDS.
+    """Write the thruster commands of one row of a log into the state of motion `s`.
 
     Args:
-        commands: Commands, (n,).
+        commands: Commands, (n,); at most MOST_COMMANDS of them are written.
         s: State of motion in the layout of `core.effects.layout`, changed in place.
     """
     for i in range(min(commands.size, layout.MOST_COMMANDS)):

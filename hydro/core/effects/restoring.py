@@ -161,7 +161,7 @@ def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
     Each shape is a linear problem with one column for each direction of sliding, surge and sway.
 
     Args:
-        tilts: Tilts [rad] at which the ballast reaches its stop, in the sense of tanh(d/tilt).
+        tilts: Values [rad] of the parameter `tilt` in the ballast's steady place S tanh(d/tilt).
         lags: Time constants of the sliding [s].
     """
 
@@ -207,7 +207,9 @@ def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a coordinate of a payload's place [m]: two hull lengths either way of CO.
+    """Return the minimum and maximum of a coordinate of a payload's place [m].
+
+    They are two hull lengths on either side of CO.
 
     Args:
         index: Not used.
@@ -232,8 +234,8 @@ def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
 def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
     """Yield one trial shape of `payload`, a linear problem with five columns.
 
-    The columns are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear in
-    w, w x, w y, w z and m.
+    The columns are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear
+    in w, w x, w y, w z and m.
 
     Args:
         vehicle: The vehicle, whose mass, weight and length set the sizes of the columns.

@@ -90,9 +90,10 @@ def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return tables of `tether` from which fits start, for anchors in the middle, start and edges of the track.
+    """Return tables of `tether` from which fits start.
 
-    For each anchor one cable is always taut, and one is taut only on the far half of the track.
+    Anchors are in the middle of the recorded track, at its first row and at its edges.  For each anchor one
+    is always taut, and one is taut only on the far half of the track.
 
     Args:
         vehicle: The vehicle, whose weight sets the stiffness.
@@ -141,9 +142,10 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield a trial shape of `tether`, a linear problem with four columns, for each anchor and slack of `cables`.
+    """Yield a trial shape of `tether` for each anchor and slack of `cables`.
 
-    The force is linear in the stiffness k and in k times the attachment's three coordinates.
+    A shape is a linear problem with four columns: the stiffness k, and k times the attachment's three
+    coordinates.
 
     Args:
         vehicle: The vehicle.
