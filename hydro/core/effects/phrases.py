@@ -188,7 +188,7 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
 
 def more(left: int, noun: str = "") -> list[str]:
-    """Return words for the number of omitted components: a list of one item, such as `3 more values`, or empty.
+    """Return a list of one item, words such as `3 more values`, for omitted components.
 
     Args:
         left: Number of omitted components; the list is empty for 0.

@@ -352,7 +352,7 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
 
 
 def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """Describe one setting that the data contradict: the setting that fits, its error, and the advice.
+    """Return a line on one setting that the data contradict: what fits, the errors, and the advice.
 
     Args:
         evidence: Windows of the log.

@@ -55,7 +55,12 @@ def matrix(mixer: Mixer) -> Array:
 
 
 def thrusters(mixer: Mixer | None, commands: int) -> int:
-    """Return the number of thrusters that `commands` command columns drive."""
+    """Return the number of thrusters that a log's command columns drive.
+
+    Args:
+        mixer: Mixer of the map; None if each column is a thruster.
+        commands: Number of command columns.
+    """
     return commands if mixer is None else len(matrix(mixer))
 
 

@@ -55,13 +55,21 @@ class Normal:
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
-        """Return the problem in the parameters `columns` alone, with all other parameters fixed."""
+        """Return a new problem in some of the parameters, with all other parameters fixed.
+
+        Args:
+            columns: Indices of the parameters that remain.
+        """
         kept = [*columns, -1]
         gram = self.gram[:, kept][:, :, kept]
         return replace(self, gram=gram, follow=self.follow[..., kept])
 
     def some(self, kept: NDArray[np.bool_]) -> Normal:
-        """Return the problem for the pieces of data that the mask `kept` (S,) selects."""
+        """Return a new problem for some of the pieces of data.
+
+        Args:
+            kept: Mask of the pieces that remain, (S,).
+        """
         compared = None if self.compared is None else self.compared[kept]
         rest = (self.gram[kept], self.freedoms[kept], self.channels[kept], self.follow[kept])
         return Normal(*rest, compared)
@@ -82,7 +90,11 @@ class Normal:
         return left
 
     def after(self, step: Array) -> Normal:
-        """Return the problem about the parameters plus a step (P,), with the same derivatives."""
+        """Return a new problem about the parameters after a step, with the same derivatives.
+
+        Args:
+            step: Step of the parameters, (P,).
+        """
         gram = self.gram.copy()
         gram[:, -1, -1] = self.expected(step)
         gram[:, :-1, -1] -= self.matrix @ step

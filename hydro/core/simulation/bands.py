@@ -104,7 +104,7 @@ def spread(
 
 
 def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.DataFrame:
-    """Return the bands table.
+    """Return the bands table: `session`, `t`, the motion, and the limits `x_low`, `x_high` ... `r_high`.
 
     Args:
         rows: Columns `session` and `t` of N rows.

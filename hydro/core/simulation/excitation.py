@@ -124,7 +124,11 @@ def demands(session: Session, seed: int, dt: float) -> Array:
 
 
 def holds_heading(kind: str) -> bool:
-    """Return whether sessions of a kind hold their heading: single-axis sweeps except in yaw."""
+    """Return whether sessions of a kind hold their heading: single-axis sweeps except in yaw.
+
+    Args:
+        kind: Kind of excitation, an entry of `DECKS`.
+    """
     return kind in SWEEPS and kind != "sweep_yaw"
 
 

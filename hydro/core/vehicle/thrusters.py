@@ -121,7 +121,7 @@ _remembered = lru_cache(maxsize=64)(_table)
 
 
 def table_of(thruster: Thruster) -> ThrustTable | None:
-    """Return the table of thrust by command and voltage of a thruster; None for a simple curve.
+    """Return the table of a thruster's thrust by command and supply voltage; None for a simple curve.
 
     Raises:
         DataError: The file's numbers are not a valid table.
