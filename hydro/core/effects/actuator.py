@@ -268,7 +268,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def asymmetry_sentence(case: Case) -> str:
-    """State the remaining share of reverse thrust."""
+    """Return a sentence that states the remaining share of reverse thrust."""
     loss = case.one("a").times(100.0)
     left = quantity(100.0 - loss.value, loss.error, "%")
     if not loss.clear:
@@ -278,7 +278,7 @@ def asymmetry_sentence(case: Case) -> str:
 
 
 def curve_sentence(case: Case) -> str:
-    """State the exponent of the thrust curve and that of the file."""
+    """Return a sentence that states the exponent of the thrust curve and that of the file."""
     powers = {curve_power(thruster) for thruster in thrusters(case.vehicle)}
     power = case.one("da")
     if not power.clear:
@@ -294,7 +294,7 @@ def curve_sentence(case: Case) -> str:
 
 
 def inflow_sentence(case: Case) -> str:
-    """State the thrust loss per speed of the water into the propellers."""
+    """Return a sentence that states the thrust loss per speed of the water into the propellers."""
     loss = case.one("c").times(100.0)
     if not loss.clear:
         return undetermined(case, "the loss of thrust with speed", f"{loss.text('%')} per m/s")
@@ -306,7 +306,7 @@ def inflow_sentence(case: Case) -> str:
 
 
 def torque_sentence(case: Case) -> str:
-    """State the reaction torque of the propellers with the most significant values."""
+    """Return a sentence that states the most significant reaction torques of the propellers."""
     given = case.values.get("k", ())
     ratios = case.many("k", (len(given) if isinstance(given, list | tuple | np.ndarray) else 0,))
     order = sorted(

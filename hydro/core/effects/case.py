@@ -60,15 +60,15 @@ class Quantity(NamedTuple):
         return Quantity(self.value * factor, self.error * abs(factor), self.before * factor)
 
     def text(self, unit: str = "") -> str:
-        """Write the value with its unit and standard error."""
+        """Return text with the value, its unit and its standard error."""
         return wording.quantity(self.value, self.error, unit)
 
     def size(self, unit: str = "") -> str:
-        """Write the absolute value with its unit and standard error."""
+        """Return text with the absolute value, its unit and its standard error."""
         return wording.quantity(abs(self.value), self.error, unit)
 
     def changed(self, unit: str = "") -> str:
-        """Write the absolute difference from the file's value, with its unit and standard error."""
+        """Return text with the absolute difference from the file's value, its unit and its standard error."""
         return wording.quantity(abs(self.change), self.error, unit)
 
 

@@ -126,7 +126,7 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
     Args:
         vehicle: The vehicle.
-        listed: Result of `entries` for this vehicle, if already computed; likewise in the functions below.
+        listed: Result of `entries` for this vehicle, if already computed.
 
     Returns:
         (6, 6) symmetric matrix about CO [kg, kg m, kg m^2].

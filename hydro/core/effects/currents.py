@@ -173,7 +173,7 @@ def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible)
 
 
 def current_sentence(case: Case) -> str:
-    """State the speed of the current and the heading toward which it flows."""
+    """Return a sentence that states the speed of the current and the heading toward which it flows."""
     down = case.one("v_D")
     now, old, clear = horizontal_change(case.one("v_N"), case.one("v_E"), "m/s")
     vertical = f"{'downward' if down.value > 0.0 else 'upward'} at {down.size('m/s')}" if down.clear else ""
@@ -189,7 +189,7 @@ def current_sentence(case: Case) -> str:
 
 
 def shear_sentence(case: Case) -> str:
-    """State the increase of the current per metre of depth."""
+    """Return a sentence that states the increase of the current per metre of depth."""
     now, old, clear = horizontal_change(case.one("g_N"), case.one("g_E"), "m/s")
     if not clear:
         return undetermined(case, "the gain of the current per metre of depth", now)
@@ -200,7 +200,7 @@ def shear_sentence(case: Case) -> str:
 
 
 def trend_sentence(case: Case) -> str:
-    """State the increase of the current per minute."""
+    """Return a sentence that states the increase of the current per minute."""
     now, old, clear = horizontal_change(case.one("a_N"), case.one("a_E"), "m/s", 60.0)
     if not clear:
         return undetermined(case, "the gain of the current per minute", now)

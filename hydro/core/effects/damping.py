@@ -277,7 +277,7 @@ def _part(drag: Array, position: Array) -> Table:
 
 
 def power_sentence(case: Case) -> str:
-    """State the drag of each axis at 1 m/s and 1 rad/s, and the exponent of the speed."""
+    """Return a sentence that states the drag of each axis at 1 m/s and 1 rad/s, and the exponent."""
     entries = []
     for i, (axis, one) in enumerate(zip(AXES, case.many("diagonal", (6,)), strict=True)):
         speed, unit = ("1 rad/s", "N m") if i >= 3 else ("1 m/s", "N")
@@ -290,7 +290,7 @@ def power_sentence(case: Case) -> str:
 
 
 def offset_sentence(case: Case) -> str:
-    """State the drag along three axes and the point where it acts."""
+    """Return a sentence that states the drag along three axes and the point where it acts."""
     axes, point = AXES[:3], case.many("position", (3,))
     drags = case.many("drag", (3,))
     entries = [

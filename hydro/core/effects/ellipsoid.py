@@ -177,7 +177,7 @@ def _ellipsoid(coefficient: Array, position: Array) -> Table:
 
 
 def ellipsoid_sentence(case: Case) -> str:
-    """State the drag coefficients along three axes and the centre of the ellipsoid."""
+    """Return a sentence that states the drag coefficients along three axes and the ellipsoid's centre."""
     axes, point = AXES[:3], case.many("position", (3,))
     drags = case.many("C", (3,))
     entries = [

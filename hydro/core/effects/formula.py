@@ -256,7 +256,7 @@ def as_drag(force: bool) -> Plausible:
 
 
 def formula_sentence(case: Case) -> str:
-    """State the coefficient of each term, with the term as the vehicle file writes it."""
+    """Return a sentence that states the coefficient of each term, as the vehicle file writes the term."""
     whole = {**(case.before or {}), **case.values}
     powers = iter(case.many("exponents", (sum(parsed(text)[1] for text in every_term(whole)),)))
     entries = []

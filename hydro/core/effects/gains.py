@@ -87,7 +87,7 @@ def gains_sentence(case: Case) -> str:
 
 
 def joined(clauses: Sequence[str]) -> str:
-    """Return clauses as one sentence with a full stop."""
+    """Return one sentence of several clauses, joined by semicolons, with a full stop."""
     return f"{capital('; '.join(clauses))}."
 
 

@@ -347,7 +347,7 @@ def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> 
 
 
 def fin_sentence(case: Case) -> str:
-    """State area, attitude and place of a fin, and its commands."""
+    """Return a sentence that states area, attitude and place of a fin, and its commands."""
     area, point = case.one("area"), case.many("position", (3,))
     roll, deflection, stall = (case.one(key).times(DEGREES) for key in ("roll", "deflection", "stall"))
     commands = [str(one) for one in case.values.get("commands", (case.before or {}).get("commands", ()))]

@@ -108,7 +108,7 @@ def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def coriolis_sentence(case: Case) -> str:
-    """State the ratio of the Coriolis forces of the added mass to those that M_A implies."""
+    """Return a sentence that compares the Coriolis forces of the added mass with those that M_A implies."""
     share = case.one("kappa").times(100.0)
     subject = "the Coriolis force of the added mass (Munk moment)"
     if not share.clear:

@@ -110,7 +110,7 @@ def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def memory_sentence(case: Case) -> str:
-    """State the strength on each axis and the decay time."""
+    """Return a sentence that states the strength on each axis and the decay time."""
     rates = case.many("rates", (rates_of(case),))
     strengths = case.many("K", (len(rates), 6))
     entries = []

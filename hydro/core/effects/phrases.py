@@ -119,7 +119,7 @@ def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], s
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the components of an effect: what the vehicle file lacks, or how the fit differs from the file.
+    """Return a sentence on the components of an effect: those the file lacks, or those that differ.
 
     Args:
         case: The values.
@@ -130,7 +130,13 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the components that the file lacks: "Drag of 284 N s²/m² (±6) in heave is missing"."""
+    """Return a sentence on components that the file lacks: "Drag of 284 N s²/m² (±6) in heave is missing".
+
+    Args:
+        case: The values of the effect.
+        noun: Name of the force or inertia, as in `quadratic damping`.
+        entries: All components.
+    """
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
@@ -148,17 +154,17 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def valued(entry: Entry) -> str:
-    """Write the value of a component with its unit, error and place."""
+    """Return text with the value of a component, its unit, standard error and place."""
     return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
 
 
 def without_error(entry: Entry) -> str:
-    """Write the value of a component with its unit and place, but without its standard error."""
+    """Return text with the value of a component, its unit and place, but without its standard error."""
     return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
 
 
 def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
-    """State components that differ from the file, as in "Heave drag is 1.3 times the file's value (…)".
+    """Return a sentence on differences from the file: "Heave drag is 1.3 times the file's value (…)".
 
     Args:
         noun: Name of the force or inertia.
@@ -306,7 +312,7 @@ def force_per_speed(i: int, j: int) -> str:
 
 
 def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str]:
-    """Write the significant components of a body vector: `0.020 m (±0.001) forward`, `0.010 m above`.
+    """Return text for each significant component of a body vector, such as `0.020 m (±0.001) forward`.
 
     If all components have the same standard error, it is written once.
 
@@ -384,7 +390,13 @@ def horizontal(north: Quantity, east: Quantity) -> Quantity:
 
 
 def toward(size: str, north: float, east: float) -> str:
-    """Write a horizontal vector by its length and compass heading."""
+    """Return text for a horizontal vector: its length and compass heading.
+
+    Args:
+        size: Text of the length.
+        north: Component toward north, in any unit.
+        east: Component toward east, in the same unit.
+    """
     return f"{size} toward {compass(north, east)}"
 
 

@@ -68,12 +68,12 @@ class Program:
 def assemble(
     vehicle: Vehicle, listed: Sequence[Entry] | None = None, *, sea: Sequence[int] | None = None
 ) -> Program:
-    """Compile a vehicle.
+    """Return the compiled vehicle: one vector of numbers that contains its effects and thrusters.
 
     Args:
         vehicle: The vehicle; effects of kind `sensor` are ignored.
-        listed: Its `entries`, if available.
-        sea: Seeds of its waves; by default the sea is calm, as in every prediction.
+        listed: Result of `entries` for this vehicle, if already computed.
+        sea: Seeds of the random waves; by default the sea is calm, as in every prediction.
 
     Raises:
         DataError: An effect is not valid in the catalogue, or the mass matrix cannot be inverted.

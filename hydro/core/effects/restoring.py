@@ -48,7 +48,14 @@ INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull"
 
 @kernel
 def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the velocity v_r + omega x r through the water of a point r [m], body axes [m/s]."""
+    """Return the velocity v_r + omega x r of a point r of the body through the water, body axes [m/s].
+
+    Args:
+        s: State of motion, as in `layout`.
+        x: Coordinate of the point forward of CO [m].
+        y: Coordinate to starboard [m].
+        z: Coordinate downward [m].
+    """
     roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
     return (
         s[RELATIVE_VELOCITY] + pitch * z - yaw * y,
@@ -59,7 +66,17 @@ def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, floa
 
 @kernel
 def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: Array) -> None:
-    """Add the wrench of a force [N] in body axes at a point of the body [m]."""
+    """Add the wrench of a force at a point of the body to `tau`.
+
+    Args:
+        fx: Force forward, in body axes [N].
+        fy: Force to starboard [N].
+        fz: Force downward in body axes [N].
+        x: Coordinate of the point forward of CO [m].
+        y: Coordinate to starboard [m].
+        z: Coordinate downward [m].
+        tau: Wrench about CO in body axes, (6,) [N, N m], changed in place.
+    """
     tau[0] += fx
     tau[1] += fy
     tau[2] += fz
@@ -70,7 +87,16 @@ def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: 
 
 @kernel
 def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) -> None:
-    """Add the wrench of a force [N], positive downward in the world, at a point of the body [m]."""
+    """Add the wrench of a vertical force at a point of the body to `tau`.
+
+    Args:
+        s: State of motion, as in `layout`.
+        force: Force, positive downward in the world [N].
+        x: Coordinate of the point forward of CO [m].
+        y: Coordinate to starboard [m].
+        z: Coordinate downward in body axes [m].
+        tau: Wrench about CO in body axes, (6,) [N, N m], changed in place.
+    """
     push_at(force * s[ROTATION + 6], force * s[ROTATION + 7], force * s[ROTATION + 8], x, y, z, tau)
 
 
@@ -138,7 +164,15 @@ def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arr
 
 @kernel
 def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> None:
-    """Add the moment of weight that moved within the body, by mass times displacement (x, y, 0) [kg m]."""
+    """Add the moment of weight that moved within the body to `tau`.
+
+    Args:
+        gravity: Acceleration of gravity [m/s^2].
+        s: State of motion, as in `layout`.
+        x: Mass times displacement forward [kg m].
+        y: Mass times displacement to starboard [kg m].
+        tau: Wrench about CO in body axes, (6,) [N, N m], changed in place.
+    """
     push_down(s, gravity, x, y, 0.0, tau)
     push_down(s, -gravity, 0.0, 0.0, 0.0, tau)
 
@@ -279,13 +313,19 @@ def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
 
 
 def in_water(force: float, error: float, vehicle: Vehicle) -> str:
-    """Write a force [N] and its mass in water: `31 N (3.2 kg in water)`."""
+    """Return text with a force and its mass in water: `31 N (3.2 kg in water)`.
+
+    Args:
+        force: Force [N].
+        error: Standard error of the force [N].
+        vehicle: Vehicle file, for gravity.
+    """
     gravity = vehicle.environment.gravity
     return f"{number(abs(force), error)} N ({number(abs(force) / gravity, error / gravity)} kg in water)"
 
 
 def buoyancy_sentence(case: Case) -> str:
-    """State the difference of the vehicle's weight in water from the file."""
+    """Return a sentence that states the difference of the vehicle's weight in water from the file."""
     lift = case.one("dB")
     if not lift.clear:
         return undetermined(case, "the added buoyancy", lift.text("N"))
@@ -294,7 +334,7 @@ def buoyancy_sentence(case: Case) -> str:
 
 
 def payload_sentence(case: Case) -> str:
-    """State weight in water, place and dry mass of a payload."""
+    """Return a sentence that states weight in water, place and dry mass of a payload."""
     weight, mass, point = case.one("w"), case.one("mass"), [case.one(axis) for axis in "xyz"]
     if case.in_file:
         entries = [Entry("the payload's weight in water", "", weight, "N")]
@@ -313,7 +353,7 @@ def payload_sentence(case: Case) -> str:
 
 
 def ballast_sentence(case: Case) -> str:
-    """State the mass, tilt and lag of sliding ballast."""
+    """Return a sentence that states the mass, tilt and lag of sliding ballast."""
     slides = list(zip(("surge", "sway"), case.many("S", (2,)), strict=True))
     tilt, lag = case.one("tilt").times(180.0 / math.pi), case.one("T")
     if case.in_file:

@@ -271,7 +271,7 @@ def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def delay_sentence(case: Case) -> str:
-    """State the delay of the DVL velocity."""
+    """Return a sentence that states the delay of the DVL velocity."""
     delay = case.one("d")
     if not delay.clear:
         return undetermined(case, "the delay of the DVL velocity", delay.text("s"))
@@ -281,7 +281,7 @@ def delay_sentence(case: Case) -> str:
 
 
 def scale_sentence(case: Case) -> str:
-    """State the scale error of the DVL velocity, for all axes or for each."""
+    """Return a sentence that states the scale error of the DVL velocity, for all axes or for each."""
     than = "than the file says" if case.in_file else ""
     words = ("higher", "lower") if case.in_file else ("too high", "too low")
 
@@ -321,7 +321,7 @@ LEAST_ANGLE = 0.05
 
 
 def misalignment_sentence(case: Case) -> str:
-    """State the angles by which the DVL is rotated against the body."""
+    """Return a sentence that states the angles by which the DVL is rotated against the body."""
     angles = [one.times(180.0 / np.pi) for one in case.many("alpha", (3,))]
     kept = [
         f"{one.changed('°')} {words[one.change < 0.0]}"
@@ -336,7 +336,7 @@ def misalignment_sentence(case: Case) -> str:
 
 
 def bias_sentence(case: Case) -> str:
-    """State the constant error of the DVL velocity along the body's axes."""
+    """Return a sentence that states the constant error of the DVL velocity along the body's axes."""
     three = case.many("b", (3,))
     pieces = [
         piece.replace(" below", " downward").replace(" above", " upward")

@@ -24,7 +24,7 @@ def sentence(
     *,
     brief: bool = False,
 ) -> str:
-    """State the values of an effect in one or two plain sentences.
+    """Return one or two plain sentences that state the values of an effect.
 
     If the vehicle has the effect, the sentence compares it with the file; else it states what is missing.
 
@@ -38,7 +38,7 @@ def sentence(
             component.
 
     Returns:
-        The sentence, with its full stop.
+        The text, with its full stop.
 
     Raises:
         KeyError: The catalogue has no such effect.
@@ -52,7 +52,7 @@ def sentence(
 
 
 def generic(effect: Effect, case: Case) -> str:
-    """State an effect without a sentence function, by the meanings and units of its parameters."""
+    """Return a sentence on an effect that has no sentence function, by its parameters' meanings and units."""
     noun = effect.name.replace("_", " ")
     given = [one for one in effect.parameters if one.name in case.values or one.name not in effect.one_of]
     by_axis = len(given) == 1 and given[0].shape == (6,)

@@ -216,7 +216,10 @@ def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def tether_sentence(case: Case) -> str:
-    """State stiffness, slack and anchor of a tether, or the constant pull of a distant anchor."""
+    """Return a sentence that states stiffness, slack and anchor of a tether, or a constant pull.
+
+    A pull is constant if the anchor is farther away than STEADY.
+    """
     stiffness, slack = case.one("k"), case.one("slack")
     anchor, point = case.many("anchor", (3,)), case.many("attachment", (3,))
     if case.in_file:
@@ -242,7 +245,13 @@ def tether_sentence(case: Case) -> str:
 
 
 def direction(north: float, east: float, down: float) -> str:
-    """Name a direction in the world: `toward 323° (NW)`, `20° downward toward 323° (NW)`, or `downward`."""
+    """Return words for a direction: `toward 323° (NW)`, `20° downward toward 323° (NW)`, or `downward`.
+
+    Args:
+        north: Component toward north, in any unit.
+        east: Component toward east, in the same unit.
+        down: Component downward, in the same unit.
+    """
     level, tilt = math.hypot(north, east), math.degrees(math.atan2(abs(down), math.hypot(north, east)))
     vertical = "downward" if down > 0.0 else "upward"
     if not level or tilt > STEEP:
@@ -251,7 +260,11 @@ def direction(north: float, east: float, down: float) -> str:
 
 
 def fixed_point(point: Sequence[Quantity]) -> str:
-    """Return words for a point of the world by its distances from the NED origin: `3 m north`."""
+    """Return words for a point of the world by its distances from the NED origin: `3 m north`.
+
+    Args:
+        point: Its three coordinates north, east and down [m], with standard errors.
+    """
     sides = (("north", "south"), ("east", "west"), ("down", "up"))
     return listed(
         [
@@ -262,7 +275,7 @@ def fixed_point(point: Sequence[Quantity]) -> str:
 
 
 def suction_sentence(case: Case) -> str:
-    """State the force at the surface and its decay depth."""
+    """Return a sentence that states the force at the surface and its decay depth."""
     force, decay = case.one("A"), case.one("decay")
     if case.in_file:
         entries = [

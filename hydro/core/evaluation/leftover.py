@@ -150,7 +150,7 @@ class Means:
 
     @classmethod
     def of(cls, force: Array, velocity: Array, counted: Mask, pieces: Pieces) -> Means:
-        """Average force and velocity over the rows with samples of each piece.
+        """Return the means of force and velocity over the rows with samples of each piece.
 
         Pieces without such a row are left out.
 

@@ -1,7 +1,7 @@
-"""Errors of a model per axis, with block-bootstrap intervals, and the single figures of the paper.
+"""Errors of a model per axis, with block-bootstrap intervals, and the single figures of Deep Hydro-Sim.
 
-The paper (Table II) combines newtons and newton metres: its RMSE and MAE are over all rows and all six axes.
-Here these have the axis `all`, and the mean of R^2 over the axes has the axis `mean`.
+Table II of that paper (Wu et al.) combines newtons and newton metres: its RMSE and MAE are over all rows and
+all six axes.  Here these have the axis `all`, and the mean of R^2 over the axes has the axis `mean`.
 """
 
 from __future__ import annotations

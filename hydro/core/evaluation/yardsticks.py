@@ -97,7 +97,7 @@ class Yardstick:
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame) -> Yardstick:
-        """Fit the predictors to a training recording, with the weights of a vehicle file.
+        """Return the predictors fitted to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
@@ -110,7 +110,7 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to a training recording, with the weights of a vehicle file.
+        """Return the predictors fitted to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
@@ -120,7 +120,7 @@ class Yardstick:
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors by cross-validation to the recording on which they will be judged.
+        """Return the predictors fitted by cross-validation to the recording on which they will be judged.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
         another recording, call `of_others` on the result.

@@ -74,10 +74,14 @@ def suspects(
 
 
 def replaces_drag(vehicle: Vehicle, name: str) -> bool:
-    """Return whether an effect is a drag law of the whole hull, for a vehicle that has drag already.
+    """Return whether an effect is a drag law of the whole hull and a vehicle has drag already.
 
     In any recording such a law would describe the hull better than the file does, and so hide what has
     changed.
+
+    Args:
+        vehicle: The vehicle.
+        name: Name of the effect in the catalogue.
     """
     has_drag = any(Role.DRAG in CATALOGUE[str(table["name"])].roles for table in vehicle.effect)
     return has_drag and Role.WHOLE_HULL in CATALOGUE[name].roles

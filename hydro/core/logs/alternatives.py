@@ -109,9 +109,13 @@ class Change:
 
 
 def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
-    """Return by block the changes to other frames, units, orders and layouts, one setting at a time.
+    """Return, by the name of the block, the changes of a map to other frames, units, orders and layouts.
 
-    The attitude's world and body also change together: ROS's ENU and FLU are easily mistaken for NED and FRD.
+    One setting changes at a time.  The attitude's world and body also change together: ROS's ENU and FLU are
+    easily mistaken for NED and FRD.
+
+    Args:
+        declared: Map of the log.
     """
     found: dict[str, list[Change]] = {name: [] for name in BLOCKS}
     for name, block in blocks_of(declared).items():

@@ -61,7 +61,7 @@ class Verdict:
 
 
 def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap) -> Verdict:
-    """Test a map, and every other plausible reading of the same columns, by the kinematics of the log.
+    """Return a test of a map, and of every other plausible reading of its columns, by the log's kinematics.
 
     Args:
         logs: The sessions.

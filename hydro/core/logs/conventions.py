@@ -105,7 +105,11 @@ class SessionLog:
         return self.clocks.get(name, self.t)
 
     def channel(self, source: Number) -> Channel:
-        """Return the samples of one column, with the map's scale and offset."""
+        """Return the samples of one column, scaled and offset as the map states; empty cells are left out.
+
+        Args:
+            source: Column of the map, or its name alone.
+        """
         column = named(source)
         return channel(
             self.time_of(column.column), column.scale * self.columns[column.column] + column.offset
@@ -166,7 +170,7 @@ def in_frames(block: Attitude, turned: Array) -> Array:
 
 
 def turn(mount: Mount) -> Array:
-    """Return the rotation from the sensor's axes to the body's, (3, 3)."""
+    """Return the rotation matrix from the axes of a mounted sensor to the body's, (3, 3)."""
     if mount.matrix is not None:
         return np.array(mount.matrix, float)
     of_angles = scipy.spatial.transform.Rotation.from_euler

@@ -91,7 +91,7 @@ def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog
 def sensor_offsets(
     logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
 ) -> list[Offset]:
-    """Estimate the delays of velocity, rates and attitude relative to the pose, where the motion shows them.
+    """Return the delays of velocity, rates and attitude relative to the pose that the motion shows.
 
     Velocity and attitude are compared with the position, rates with the attitude.
 

@@ -78,7 +78,7 @@ class Candidate:
 
 
 def candidate(vehicle: Vehicle) -> Candidate:
-    """Compile a vehicle for comparison with a recording.
+    """Return a vehicle compiled for comparison with a recording.
 
     Raises:
         DataError: An effect is not valid in the catalogue.

@@ -210,7 +210,11 @@ class Prepared:
     memory: Array
 
     def of(self, kept: NDArray[np.bool_]) -> Prepared:
-        """Return the prepared candidate for the shots that a mask (S,) selects."""
+        """Return the candidate prepared for some of the shots.
+
+        Args:
+            kept: Mask of these shots, (S,).
+        """
         return Prepared(self.model, self.rotors[kept], self.memory[kept])
 
     def initial_states(self, first: Array, part: slice) -> InitialStates:

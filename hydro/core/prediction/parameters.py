@@ -330,5 +330,10 @@ def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
 
 
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
-    """Return the unit of one component of a parameter."""
+    """Return the unit of one component of a parameter.
+
+    Args:
+        parameter: The parameter.
+        index: Index of the component in the parameter's array; () for a number.
+    """
     return parameter.unit_at(index)

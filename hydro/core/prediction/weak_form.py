@@ -87,7 +87,7 @@ class Windows:
         seconds: float = WINDOW_SECONDS,
         run: int = 1,
     ) -> Windows:
-        """Build windows over a recording.
+        """Return the equation-error problem of a recording, cut into windows.
 
         Args:
             record: The recording.

@@ -101,7 +101,7 @@ class Recording:
 
 
 def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
-    """Read a raw table for a vehicle.
+    """Return a raw table as arrays, with the effective commands of a vehicle's thrusters.
 
     Raises:
         DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
@@ -172,7 +172,7 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
 
 
 def noise(record: Recording) -> Array:
-    """Estimate the standard deviation of the white noise of each channel, pose then velocity, shape (12,).
+    """Return the estimated standard deviation of the white noise of each channel, pose then velocity, (12,).
 
     The estimate uses fourth differences.  In them motion nearly cancels, and white noise of variance s^2 has
     the variance 70 s^2.  Their median size is robust to a few jumps.  A channel interpolated between the

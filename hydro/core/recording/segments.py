@@ -67,13 +67,14 @@ class Clock(NamedTuple):
 
 
 def clock(frame: pl.DataFrame) -> Clock:
-    """Return the clock of a session, or of a whole recording.
+    """Return the clock of a session, or of a whole recording: number of rows, sample time and segments.
 
     Args:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: As for `segments`.
+        DataError: The table is empty, time does not ascend or is not in seconds, or a step is neither the
+            sample time within 1 % nor a gap.
     """
     return Clock(frame.height, sample_time(frame), segments(frame))
 
@@ -106,7 +107,8 @@ def segments(frame: pl.DataFrame) -> Rows:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: As for `sample_time`; or a step is neither the sample time within 1 % nor a gap.
+        DataError: The table is empty, time does not ascend or is not in seconds, or a step is neither the
+            sample time within 1 % nor a gap.
     """
     sessions, steps, dt = _clock(frame)
     gap = steps > GAP * dt
@@ -162,7 +164,8 @@ def gaps(frame: pl.DataFrame) -> str:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: As for `segments`.
+        DataError: The table is empty, time does not ascend or is not in seconds, or a step is neither the
+            sample time within 1 % nor a gap.
     """
     bounds = segments(frame)
     after = bounds[resumes(frame, bounds), 0]

@@ -168,7 +168,7 @@ def make_shots(
     sigma: Array | None = None,
     most: int | None = None,
 ) -> Shots:
-    """Cut a recording into contiguous shots; of a long recording, keep some, evenly spread.
+    """Return contiguous shots, short stretches of a recording; of a long recording some, evenly spread.
 
     After a gap, shots start half a second later if possible, since the thrust before is unknown.
 
@@ -177,7 +177,7 @@ def make_shots(
         seconds: Compared length of each shot [s].
         lead: Time predicted before the compared part [s]; at least the largest sensor delay that is tried.
         sigma: Noise of the twelve channels; by default estimated from the recording.
-        most: Shots to keep of a long recording, see `evenly`; by default all.
+        most: Maximum number of shots; by default all.
 
     Raises:
         DataError: No segment is as long as one shot.

@@ -215,7 +215,7 @@ def smooth(
         bounds: Segments [start, stop), shape (S, 2), that cover all rows; the filter restarts in each.
         design: The filter.
         method: `rts`: two-sided, without delay.  `kalman`: nu and nu_dot of the filter, from past rows alone.
-            `kalman-difference`: the paper's method (IV-B), nu of the filter and its differences.
+            `kalman-difference`: nu of the filter and its differences (Deep Hydro-Sim, IV-B).
         designed: `gains(design)`, if available.
 
     Returns:
@@ -289,13 +289,14 @@ def estimate(
 
 
 def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[float] | None = None) -> Design:
-    """Estimate the design from given windows of a log, so that only their rows need to be read.
+    """Return a design estimated from given windows of a log, so that only their rows need to be read.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].
         within: The windows, as rows [first, last) of `velocity`, shape (W, 2); see `windows`.
         dt: Sample time [s].
-        noise: As for `estimate`.
+        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 means no noise, None
+            that the noise is estimated.
 
     Raises:
         DataError: `noise` is not six finite numbers of at least 0.

@@ -106,7 +106,7 @@ class Estimates:
 
     @classmethod
     def of(cls, frame: pl.DataFrame) -> Estimates:
-        """Read estimates from a covariance table, the result of `frame`."""
+        """Return the estimates that a covariance table, the result of `frame`, contains."""
         entries = tuple(
             Estimate(row["effect"], row["parameter"], tuple(row["index"]), row["unit"], row["value"])
             for row in frame.iter_rows(named=True)

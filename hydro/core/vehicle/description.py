@@ -138,7 +138,11 @@ class Vehicle(_Part, frozen=True):
         return tuple(entry for entry in self.effect if name in called(entry))
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the distinct names in this file of all effects with a catalogue name."""
+        """Return the distinct names in this file of the effects that are called by a name.
+
+        Args:
+            name: Name in the catalogue, such as `control_surface`, or in this file.
+        """
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
     def without(self, name: str) -> Vehicle:

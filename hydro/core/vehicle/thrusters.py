@@ -55,7 +55,7 @@ def same_states(table: Array, other: Array) -> bool:
 
 
 def configuration_matrix(vehicle: Vehicle) -> Array:
-    """Return the configuration matrix B: wrench about CO per newton of each of n thrusts, (6, n); paper (10).
+    """Return the configuration matrix B, (6, n): the wrench about CO per newton of each of n thrusts.
 
     It contains the placements in the file, without the reaction torques of actuator effects; for these see
     `UNIT_WRENCH` of `effects.thruster_table`.
@@ -405,7 +405,7 @@ def thrusts(
     after_gap: ArrayLike | None = None,
     nu_r: ArrayLike | None = None,
 ) -> Array:
-    """Return the thrusts at every row of a log; paper (10).
+    """Return the thrusts at every row of a log, (N, n) [N].
 
     Args:
         table: Table of n thrusters, (n, COLUMNS): that of `effects.thruster_table`, which contains the
