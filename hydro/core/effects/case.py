@@ -115,7 +115,11 @@ class Case:
         return _shaped((self.before or {}).get(key, 0.0), shape, 0.0)
 
     def one(self, key: str) -> Quantity:
-        """Return the fitted value of a parameter that is one number; without it, the file's value or 0."""
+        """Return the fitted value of a parameter that is one number; if not fitted, the file's value or 0.
+
+        Args:
+            key: Name of the parameter.
+        """
         return self.many(key, ())[0]
 
     def many(self, key: str, shape: tuple[int, ...]) -> list[Quantity]:
@@ -160,6 +164,11 @@ def estimate(value: float, error: float, before: float = 0.0) -> Quantity:
     """Return a quantity from a fitted value, its standard error and the file's value.
 
     A value that is not finite is replaced by the file's value with an infinite error.
+
+    Args:
+        value: Fitted value.
+        error: Its standard error; NaN if unknown.
+        before: Value in the vehicle file; 0 if the file has none.
     """
     if not abs(value) < LARGEST:
         return Quantity(before, math.inf, before)

@@ -230,9 +230,13 @@ def keeps_crossflow(which: int) -> Limits:
 
 
 def as_a_wing(i: int, j: int) -> Plausible:
-    """Return the plausible range of the lift coefficient L[i,j], of either sign.
+    """Return the plausible range of an entry of the matrix of lift coefficients, of either sign.
 
     The limit is the lift of a wing near CO as large as the hull's side or bottom.
+
+    Args:
+        i: Row of the entry, the axis of the lift, 0 to 5.
+        j: Column of the entry, the axis of the drift, 0 to 5.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -400,9 +404,12 @@ def stopped(turn: Quantity) -> bool:
 
 
 def fin_of(roll: float) -> str:
-    """Return words for a fin with a given roll of its span [deg], such as "A vertical fin".
+    """Return words for a fin with a given roll of its span, such as "A vertical fin".
 
     A roll near 0 is horizontal, near 90 vertical; other rolls are stated in degrees.
+
+    Args:
+        roll: Roll of the span about the x axis [deg].
     """
     roll = (roll + 90.0) % 180.0 - 90.0  # half a turn more is the same fin
     if abs(roll) <= UPRIGHT:

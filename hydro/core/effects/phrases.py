@@ -380,7 +380,12 @@ def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]
 
 
 def horizontal(north: Quantity, east: Quantity) -> Quantity:
-    """Return the length of a horizontal vector with its standard error, and the length in the file."""
+    """Return the length of a horizontal vector with its standard error, and the length in the file.
+
+    Args:
+        north: Component toward north: fitted value, standard error and the file's value.
+        east: Component toward east.
+    """
     length, before = math.hypot(north.value, east.value), math.hypot(north.before, east.before)
     if not length:
         return estimate(0.0, max(north.error, east.error), before)

@@ -83,7 +83,12 @@ def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
 
 
 def place_of(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Return words for a component: its axes in a 6-vector or 6x6 matrix, else its number from 1."""
+    """Return words for a component: its axes in a 6-vector or 6x6 matrix, else its number from 1.
+
+    Args:
+        index: Index of the component in the parameter's array.
+        shape: Shape of the array.
+    """
     if not index:
         return ""
     names = [AXES[i] if n == 6 else str(i + 1) for i, n in zip(index, shape, strict=True)]

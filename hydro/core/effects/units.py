@@ -63,6 +63,13 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
     With the vehicle's mass m and mean moment of inertia J, inertia and damping of the unit kg m^b s^c scale
     with m for b <= 0, sqrt(m J) for b = 1 and J for b = 2.  Static forces scale with the weight, lengths with
     the hull's length.
+
+    Args:
+        unit: Unit as in the catalogue, such as `N s/m`.
+        vehicle: The vehicle.
+
+    Returns:
+        The size, in that unit.
     """
     mass, length, time, angle = dimension(unit)
     if mass == 1 and time == -2:

@@ -117,21 +117,21 @@ def descend(
     """Minimise the cost by Levenberg-Marquardt iterations within bounds, in units of the components' scales.
 
     The iteration ends when a step lowers the cost by too little.  The limit is `enough` times the reduced
-    chi-square, or `share` of the cost in excess of the noise, whichever is larger.
+    chi-square, or `share` times the cost in excess of the noise, whichever is larger.
 
     Args:
         unknown: The P free components.
         start: Initial values, (P,).
         problem: The problem.
         iterations: Maximum number of steps.
-        enough: Limit of the gain, see above.
-        share: Limit of the gain as a share, see above.
+        enough: Factor of the reduced chi-square in the limit of the gain.
+        share: Factor of the cost in excess of the noise in that limit.
         prior: Prior of the values; by default a weak one.
         normal: Problem linearised at `start`, if available.
 
     Returns:
-        Values, (P,); the problem linearised at the values; and the problem with its internal unknowns
-        updated.
+        Values in the components' units, (P,); the problem linearised at the values; and the problem with its
+        internal unknowns updated.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
@@ -314,7 +314,7 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Return standard errors (P,) that include the uncertainty of some components beyond linearity.
+    """Return standard errors that include the uncertainty of given components beyond linearity, (P,).
 
     An undetermined exponent makes its coefficient far more uncertain than the local curvature shows, since a
     drag with another exponent may imitate a quadratic one.  Each such component is set to each offset of
@@ -322,7 +322,7 @@ def profiled(
     variance of a value is the mean variance of the fits plus the variance between them.
 
     Args:
-        unknown: The components.
+        unknown: The P free components.
         values: Best values, (P,).
         normal: The problem linearised at the values.
         problem: The fitted problem.

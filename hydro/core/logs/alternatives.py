@@ -232,5 +232,10 @@ def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
 
 
 def cost(declared: LogMap, found: LogMap) -> float:
-    """Return the number of settings in which two maps differ, weighted by how unlikely each mistake is."""
+    """Return the number of settings in which two maps differ, weighted by how unlikely each mistake is.
+
+    Args:
+        declared: The first map.
+        found: The second map, with the same columns.
+    """
     return sum(change.cost for change in difference(declared, found))

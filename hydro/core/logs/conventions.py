@@ -267,7 +267,12 @@ def in_degrees(angles: Sequence[Array]) -> bool:
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
-    """Return a message if the map declares radians and the angles are too large; else an empty string."""
+    """Return a message if the map declares radians and the angles are too large; else an empty string.
+
+    Args:
+        log: The session.
+        block: Attitude block of the map.
+    """
     if block.columns is None or block.unit == "deg":
         return ""
     angles = [log.channel(source).values for source in block.columns]

@@ -44,6 +44,9 @@ def matrix(mixer: Mixer) -> Array:
     """Return the matrix from demands to thruster commands, (thrusters, demands).
 
     Without a preset and a matrix, each demand drives one thruster.
+
+    Args:
+        mixer: Mixer of the map; its `directions` reverse rows of the matrix.
     """
     if mixer.preset is not None:
         found = PRESETS[mixer.preset][:, [AXES.index(demand) for demand in mixer.demands]]

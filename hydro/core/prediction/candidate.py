@@ -90,7 +90,7 @@ def candidate(vehicle: Vehicle) -> Candidate:
 def rotor_states(model: Candidate, record: Recording) -> Array:
     """Return the lag states of n thrusters just before each of N rows of a recording, (N, n).
 
-    A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
+    A lag state is a thrust [N] before losses, or a normalised rotor speed.
 
     Args:
         model: Vehicle, with its thrusters.

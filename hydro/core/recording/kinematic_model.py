@@ -240,7 +240,13 @@ def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
 
 @jit
 def rotation_vector(q: Array, measured: Array, out: Array) -> None:
-    """Write the rotation from attitude q to `measured` (4,), about body axes, to `out` (3,) [rad]."""
+    """Write the rotation from one attitude to another into `out`.
+
+    Args:
+        q: First attitude, a unit quaternion (4,).
+        measured: Second attitude, a unit quaternion (4,).
+        out: Output: rotation vector about body axes, (3,) [rad].
+    """
     turned, inverse = np.empty(4), np.empty(4)
     inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
     quaternion_product_kernel(inverse, measured[0], measured[1], measured[2], measured[3], turned)

@@ -247,6 +247,9 @@ def reach(design: Design) -> int:
     """Return the number of rows on either side on which the smoothed (nu, nu_dot) of a row depend.
 
     A row further away has less than 1e-3 of the largest weight.
+
+    Args:
+        design: Settings of the smoother.
     """
     weights = np.abs(_weights(design))
     heavy = np.flatnonzero((weights > NEGLIGIBLE_WEIGHT * weights.max(axis=0)).any(axis=(1, 2)))

@@ -1,9 +1,10 @@
-"""Excitation: demanded motions of a vehicle whose recording shows its physics (Wu et al., Deep Hydro-Sim, section IV-A).
+"""Excitation: demanded motions of a vehicle whose recording shows its physics.
 
-A collection is a list of sessions, each of one kind: single-axis sine sweeps in surge, sway, heave and yaw;
-coupled manoeuvres (circles, corkscrews, drift turns); Ornstein-Uhlenbeck walks on all axes; and the
-nine-segment, 90 s sequence of that paper's replay.  A demand is a share of the maximum wrench of the thrusters
-on that axis alone, so it fits any vehicle; `vehicle.control_allocation` converts demands to commands.
+The method is that of Deep Hydro-Sim (Wu et al., section IV-A).  A collection is a list of sessions, each of
+one kind: single-axis sine sweeps in surge, sway, heave and yaw; coupled manoeuvres (circles, corkscrews,
+drift turns); Ornstein-Uhlenbeck walks on all axes; and the nine-segment, 90 s sequence of that paper's
+replay.  A demand is a share of the maximum wrench of the thrusters on that axis alone, so it fits any
+vehicle; `vehicle.control_allocation` converts demands to commands.
 
 All random numbers depend on the seed and the session's number only, not on the order of the work.
 """
@@ -222,7 +223,7 @@ def _coupled_segments(seconds: float, rng: np.random.Generator) -> list[_Segment
 
 
 def _replay_segments() -> list[_Segment]:
-    """Return nine segments of 10 s: sines in surge, heave, yaw, then circles and drift turns (Deep Hydro-Sim)."""
+    """Return nine segments of 10 s: sines in surge, heave, yaw, then circles and drift turns."""
     rest = np.zeros(6)
     each = REPLAY_SECONDS / 9.0
     return [

@@ -48,7 +48,12 @@ COLUMNS = 20
 
 
 def same_states(table: Array, other: Array) -> bool:
-    """Return whether two thruster tables give the same lag states for the same commands."""
+    """Return whether two thruster tables give the same lag states for the same commands.
+
+    Args:
+        table: First table, (n, COLUMNS).
+        other: Second table.
+    """
     after = {*range(COLUMNS)[UNIT_WRENCH], GAIN, ASYMMETRY, INFLOW, REACTION}
     before = [c for c in range(COLUMNS) if c not in after]
     return table.shape == other.shape and np.array_equal(table[:, before], other[:, before])
