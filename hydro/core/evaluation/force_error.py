@@ -140,10 +140,10 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return a copy of simulated noise in which rows without a sample are interpolated, as for slow sensors.
+    """Return simulated noise in which rows without a sample are interpolated, as for slow sensors.
 
     Args:
-        noise: Noise of 12 channels in N rows, (N, 12).
+        noise: Noise of 12 channels in N rows, (N, 12); it is not changed.
         record: Recording, for the rows with a sample of each channel.
 
     Returns:

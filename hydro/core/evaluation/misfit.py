@@ -54,7 +54,7 @@ class Misfit:
 
 
 def counted(values: Array, seen: Mask | None) -> Array:
-    """Return a copy of values that is 0 where there is no sample, (N, C).
+    """Return values with 0 where there is no sample, (N, C); the argument is not changed.
 
     Args:
         values: Values of C channels in N rows, (N, C).

@@ -149,7 +149,8 @@ class Yardstick:
             motion: Smoothed motion of the recording.
             pieces: Pieces of time over which squares are summed.
             horizon: Length of a prediction [s].
-            velocity: Velocity errors of the model at the same horizon, which give the axes and weights.
+            velocity: Velocity errors of the model at the same horizon, whose weights, counts and errors due
+                noise the result repeats.
 
         Returns:
             A list with the name and the errors of each predictor.

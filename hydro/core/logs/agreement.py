@@ -192,7 +192,7 @@ class Evidence:
 
     @cached_property
     def few(self) -> Evidence:
-        """New evidence with at most FEW of the windows, spread evenly."""
+        """Evidence from at most FEW of the windows, spread evenly."""
         every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
