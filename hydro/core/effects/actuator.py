@@ -138,9 +138,14 @@ def propeller_torque(p: Array, table: Array) -> None:
 
 
 def common_gain(table: Mapping[str, Any], vehicle: Vehicle) -> list[dict[str, Any]]:
-    """Return a `thruster_gain` table with one common gain, the mean of the gains in `table`.
+    """Return the simpler effect that may replace unequal gains: one `thruster_gain` table with their mean.
 
-    The list is empty if `table` has a common gain already.
+    Args:
+        table: `[[effect]]` table of `thruster_gain`.
+        vehicle: Not used.
+
+    Returns:
+        A list of one new table with `common`, the mean of the gains `g`; empty if `table` has no `g`.
     """
     if "g" not in table:
         return []
@@ -153,7 +158,7 @@ def thrusters(vehicle: Vehicle) -> list[Thruster]:
 
 
 def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the admissible change of the thrusters' time constant [s], minimum and maximum.
+    """Return the least and greatest admissible change of the thrusters' time constant [s].
 
     The minimum leaves no thruster with a negative time constant.  If the vehicle file gives the integration
     step of the simulator that wrote the log, the time constant stays above two of these steps.
@@ -163,18 +168,27 @@ def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the admissible change of the command delay [s]: minus the file's delay to 2 s."""
+    """Return the least and greatest admissible change of the command delay [s].
+
+    The least is minus the shortest delay of a thruster in the vehicle file, the greatest 2 s.
+    """
     return -min((t.delay for t in thrusters(vehicle)), default=0.0), 2.0
 
 
 def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the admissible change of the dead band; the sum is from 0 to 0.9 of full command."""
+    """Return the least and greatest admissible change of the dead band, in units of command.
+
+    With the change, the dead band of every thruster is from 0 to 0.9 of full command.
+    """
     bands = [t.deadband for t in thrusters(vehicle)] or [0.0]
     return -min(bands), 0.9 - max(bands)
 
 
 def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the admissible change of the curve's exponent; the sum is LEAST_POWER to MOST_POWER."""
+    """Return the least and greatest admissible change of the exponent of the thrust curve.
+
+    With the change, the exponent of every thruster is from LEAST_POWER to MOST_POWER.
+    """
     powers = [curve_power(thruster) for thruster in thrusters(vehicle)] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
@@ -200,7 +214,11 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 
 
 def within(room: Room) -> Limits:
-    """Return `Parameter.limits`, bounds in a fit, from a function that gives the range for a vehicle."""
+    """Return a function for `Parameter.limits`, the bounds of a parameter in a fit.
+
+    Args:
+        room: Function from a vehicle to the minimum and maximum of the parameter.
+    """
 
     def limits(index: Index, rest: Rest) -> tuple[float, float]:
         return room(rest.vehicle)
@@ -209,9 +227,13 @@ def within(room: Room) -> Limits:
 
 
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark that thrusters faster than modelled by up to 1.5 samples may be caused by the log.
+    """Return a remark if thrusters are quicker than modelled by up to QUICKER samples; else None.
 
-    None for any other change `dT` [s] of the time constant.
+    The remark says that the log, not the vehicle, may cause the difference.
+
+    Args:
+        parameters: Fitted change `dT` of the time constant [s].
+        dt: Sample time of the log [s].
     """
     quicker = -float(parameters["dT"])
     if 0.0 < quicker <= HALF * dt:
@@ -233,7 +255,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
 
     Args:
         parameters: Fitted change `da` of the curve's exponent.
-        dt: Sample time [s]; not used.
+        dt: Not used.
     """
     power = float(parameters["da"])
     if abs(abs(power) - 1.0) >= PLAIN:
@@ -246,7 +268,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def asymmetry_sentence(case: Case) -> str:
-    """State the remaining share of reverse thrust."""
+    """Return a sentence that states the remaining share of reverse thrust."""
     loss = case.one("a").times(100.0)
     left = quantity(100.0 - loss.value, loss.error, "%")
     if not loss.clear:
@@ -256,7 +278,7 @@ def asymmetry_sentence(case: Case) -> str:
 
 
 def curve_sentence(case: Case) -> str:
-    """State the exponent of the thrust curve and that of the file."""
+    """Return a sentence that states the exponent of the thrust curve and that of the file."""
     powers = {curve_power(thruster) for thruster in thrusters(case.vehicle)}
     power = case.one("da")
     if not power.clear:
@@ -272,7 +294,7 @@ def curve_sentence(case: Case) -> str:
 
 
 def inflow_sentence(case: Case) -> str:
-    """State the thrust loss per speed of the water into the propellers."""
+    """Return a sentence that states the thrust loss per speed of the water into the propellers."""
     loss = case.one("c").times(100.0)
     if not loss.clear:
         return undetermined(case, "the loss of thrust with speed", f"{loss.text('%')} per m/s")
@@ -284,7 +306,7 @@ def inflow_sentence(case: Case) -> str:
 
 
 def torque_sentence(case: Case) -> str:
-    """State the reaction torque of the propellers with the most significant values."""
+    """Return a sentence that states the most significant reaction torques of the propellers."""
     given = case.values.get("k", ())
     ratios = case.many("k", (len(given) if isinstance(given, list | tuple | np.ndarray) else 0,))
     order = sorted(

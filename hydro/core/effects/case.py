@@ -42,14 +42,17 @@ class Quantity(NamedTuple):
 
     @property
     def deviations(self) -> float:
-        """Difference from the file's value in standard errors; infinite where the error is unknown."""
+        """Size of the difference from the file's value, in standard errors.
+
+        With an unknown error it is infinite, or 0 without a difference.
+        """
         if math.isnan(self.error):
             return math.inf if self.change else 0.0
         return abs(self.change) / self.error
 
     @property
     def clear(self) -> bool:
-        """Whether the value differs significantly from the file's value."""
+        """Whether the value differs from the file's value by more than CLEAR (2) standard errors."""
         return self.deviations > CLEAR
 
     def times(self, factor: float) -> Quantity:
@@ -57,15 +60,15 @@ class Quantity(NamedTuple):
         return Quantity(self.value * factor, self.error * abs(factor), self.before * factor)
 
     def text(self, unit: str = "") -> str:
-        """Write the value with its unit and standard error."""
+        """Return text with the value, its unit and its standard error."""
         return wording.quantity(self.value, self.error, unit)
 
     def size(self, unit: str = "") -> str:
-        """Write the absolute value with its unit and standard error."""
+        """Return text with the absolute value, its unit and its standard error."""
         return wording.quantity(abs(self.value), self.error, unit)
 
     def changed(self, unit: str = "") -> str:
-        """Write the absolute difference from the file's value, with its unit and standard error."""
+        """Return text with the absolute difference from the file's value, its unit and its standard error."""
         return wording.quantity(abs(self.change), self.error, unit)
 
 
@@ -99,7 +102,7 @@ class Case:
 
     @property
     def finite(self) -> bool:
-        """Whether all numbers of the values are finite and below LARGEST."""
+        """Whether all numbers of the fitted table are finite and below LARGEST."""
         return all((np.abs(_numbers(value)) < LARGEST).all() for value in self.values.values())
 
     def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
@@ -112,11 +115,20 @@ class Case:
         return _shaped((self.before or {}).get(key, 0.0), shape, 0.0)
 
     def one(self, key: str) -> Quantity:
-        """Return the fitted value of a parameter that is one number; without it, the file's value or 0."""
+        """Return the fitted value of a parameter that is one number; if not fitted, the file's value or 0.
+
+        Args:
+            key: Name of the parameter.
+        """
         return self.many(key, ())[0]
 
     def many(self, key: str, shape: tuple[int, ...]) -> list[Quantity]:
-        """Return the fitted components of a parameter of a given shape, row by row."""
+        """Return the fitted components of a parameter, row by row.
+
+        Args:
+            key: Name of the parameter.
+            shape: Shape of the parameter.
+        """
         before = self.of_file(key, shape)
         given = key in self.values
         values = _shaped(self.values[key], shape, math.nan) if given else before
@@ -129,12 +141,21 @@ class Case:
         ]
 
     def error_of(self, key: str, shape: tuple[int, ...]) -> list[float]:
-        """Return the standard errors of a parameter's components, row by row; NaN where none is given."""
+        """Return the standard errors of a parameter's components, row by row; NaN where none is given.
+
+        Args:
+            key: Name of the parameter.
+            shape: Shape of the parameter; () for a number.
+        """
         errors: list[float] = _shaped(self.errors.get(key, math.nan), shape, math.nan).ravel().tolist()
         return errors
 
     def sampled(self, time: float) -> str:
-        """Return a remark if a time [s] is at most one sample of the log; else an empty text."""
+        """Return a remark if a fitted time is at most one sample of the log; else an empty text.
+
+        Args:
+            time: Fitted time, such as a delay [s].
+        """
         short = 0.0 < abs(time) <= ONE_SAMPLE * self.dt
         return ", no more than one sample of the log" if short else ""
 
@@ -143,6 +164,11 @@ def estimate(value: float, error: float, before: float = 0.0) -> Quantity:
     """Return a quantity from a fitted value, its standard error and the file's value.
 
     A value that is not finite is replaced by the file's value with an infinite error.
+
+    Args:
+        value: Fitted value.
+        error: Its standard error; NaN if unknown.
+        before: Value in the vehicle file; 0 if the file has none.
     """
     if not abs(value) < LARGEST:
         return Quantity(before, math.inf, before)

@@ -73,12 +73,18 @@ ROUNDING = 1e-6
 
 
 def with_role(role: Role) -> tuple[str, ...]:
-    """Return the names of the effects that have a role, see `record.Role`."""
+    """Return the names of the catalogue's effects that have a given role."""
     return tuple(name for name, effect in CATALOGUE.items() if role in effect.roles)
 
 
 class Entry(NamedTuple):
-    """Effect of a vehicle: record in the catalogue, packed parameters, and path in the vehicle file."""
+    """Effect of a vehicle.
+
+    Attributes:
+        effect: Record of the effect in the catalogue.
+        parameters: Packed parameters, a vector in the order of the record.
+        where: Path of the effect's table in the vehicle file, such as `effect[0]`.
+    """
 
     effect: Effect
     parameters: Array
@@ -120,7 +126,7 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
     Args:
         vehicle: The vehicle.
-        listed: Result of `entries` for this vehicle, if already computed; likewise in the functions below.
+        listed: Result of `entries` for this vehicle, if already computed.
 
     Returns:
         (6, 6) symmetric matrix about CO [kg, kg m, kg m^2].
@@ -136,7 +142,12 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return M_A, the inertia of the water alone: `inertia_matrix` without payloads. (6, 6)."""
+    """Return M_A, the inertia of the water alone, (6, 6): `inertia_matrix` without the payloads' dry mass.
+
+    Args:
+        vehicle: The vehicle.
+        listed: Result of `entries` for this vehicle, if already computed.
+    """
     total = np.zeros((6, 6))
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.kind == "inertia" and effect.inertia is not None:
@@ -147,8 +158,13 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """Return the motion of the water, NED, (7,): the sum of the vehicle's `flow` effects.
 
-    Three components of the velocity at depth z = 0 and time t = 0 [m/s], then the gradients of the north and
-    east components with depth [1/s], two, and with time [m/s^2], two.
+    Args:
+        vehicle: The vehicle.
+        listed: Result of `entries` for this vehicle, if already computed.
+
+    Returns:
+        Three components of the velocity at depth z = 0 and time t = 0 [m/s], then the gradients of the north
+        and east components with depth [1/s], two, and with time [m/s^2], two.
     """
     flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -158,9 +174,13 @@ def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
 
 
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return the (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects.
+    """Return a new (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects.
 
     The effects change rows of thrusters only, not of servos.
+
+    Args:
+        vehicle: The vehicle, with n thrusters and servos.
+        listed: Result of `entries` for this vehicle, if already computed.
 
     Raises:
         DataError: A thruster is misplaced, or the effects in sum give an impossible time constant, delay or
@@ -179,9 +199,13 @@ def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return the DVL's errors and reference point, (16,), from the `sensor` effects of a vehicle.
+    """Return the errors of the DVL and the logged reference point, (16,), from a vehicle's `sensor` effects.
 
-    `core.effects.sensor` has the layout.
+    `core.effects.sensor` has the meaning of the entries.
+
+    Args:
+        vehicle: The vehicle.
+        listed: Result of `entries` for this vehicle, if already computed.
     """
     log = np.zeros(sensor.ROW)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -211,14 +235,15 @@ def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
-    """Return entries of `[[effect]]` tables that mark effects, or single parameters, as known.
+    """Return `[[effect]]` tables that mark effects, or single parameters, of a vehicle as known.
 
     Args:
-        vehicle: The vehicle, which has the effects.
-        names: `effect` or `effect.parameter`.
+        vehicle: The vehicle, which has the effects; it is not changed.
+        names: What to mark: an effect, or one of its parameters as `effect.parameter`.
 
     Returns:
-        `name` and `known` for each named effect; `known` includes what the vehicle file marks already.
+        A table for each effect, with `name` and `known`: True if all parameters are known, otherwise a list
+        of the known parameters.  It includes what the vehicle file already marks.
 
     Raises:
         DataError: The vehicle lacks a named effect, or the effect has no such parameter.
@@ -252,8 +277,9 @@ def implausible(
         vehicle: The vehicle.
         names: Effects to check; by default all.
         errors: Standard errors by parameter.  A value outside the range by less than DOUBT standard errors
-            counts as plausible, and so does a value without a finite standard error.
-        least: Least reported distance from the middle of the range, in half widths of the range.
+            counts as plausible, and so does a value whose standard error is NaN or infinite.
+        least: Least reported distance from the middle of the range, as a multiple of half the range: 1
+            reports every value outside, 2 only values outside by more than half the range.
     """
     found = []
     for table in vehicle.effect:

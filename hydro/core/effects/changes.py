@@ -17,13 +17,18 @@ from hydro.core.vehicle.thrusters import GAIN
 
 
 def in_current(vehicle: Vehicle, velocity: Array) -> Vehicle:
-    """Return the vehicle in water with an additional velocity (3,), NED [m/s]."""
+    """Return a copy of a vehicle in water with an additional velocity.
+
+    Args:
+        vehicle: The vehicle.
+        velocity: Velocity of the water, NED, (3,) [m/s].
+    """
     north, east, down = map(float, velocity)
     return _with(vehicle, {"name": "ocean_current", "v_N": north, "v_E": east, "v_D": down})
 
 
 def with_payload(vehicle: Vehicle, mass: float, weight: float, place: Sequence[float]) -> Vehicle:
-    """Return the vehicle with a payload.
+    """Return a copy of a vehicle with a payload.
 
     Args:
         vehicle: The vehicle.
@@ -38,12 +43,12 @@ def with_payload(vehicle: Vehicle, mass: float, weight: float, place: Sequence[f
 
 
 def weakened(vehicle: Vehicle, thruster: int, loss: float) -> Vehicle:
-    """Return the vehicle with one weakened thruster.
+    """Return a copy of a vehicle with one weakened thruster.
 
     Args:
         vehicle: The vehicle.
         thruster: Index of the thruster, from 0.
-        loss: Lost share of its present thrust; 1 for a dead thruster.
+        loss: Lost fraction of its present thrust; 1 for a dead thruster.
     """
     gains = [0.0] * len(vehicle.thruster)
     gains[thruster] = -loss * (1.0 + float(thruster_table(vehicle)[thruster, GAIN]))

@@ -71,7 +71,19 @@ def effect_forces(
     the inertia (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot by a current.  The other part, of a
     current that varies with depth or time, is in tau_e.  M_RB and thrust are excluded.
 
-    Arguments, result and errors are those of `effect_wrenches`.
+    Args:
+        vehicle: The vehicle.
+        eta: Pose x y z phi theta psi, NED, shape (N, 6).
+        nu: Velocity of CO over ground, body frame, shape (N, 6).
+        segments: Uninterrupted runs of rows [start, stop), shape (S, 2).
+        t: Times of the rows, shape (N,) [s].
+        commands: Commands of the thrusters, shape (N, n), for terms of a `formula`; 0 if None.
+
+    Returns:
+        Wrenches about CO, body frame, shape (N, 6) [N, N m]; 0 in rows outside all segments.
+
+    Raises:
+        DataError: An effect is not valid in the catalogue.
     """
     out = effect_wrenches(vehicle, eta, nu, segments, t, commands)
     _inertia_along(

@@ -64,14 +64,22 @@ def current_shear(p: Array, flow: Array) -> None:
 def quickened(
     north: float, east: float, down: float, c: Array, s: Array, tau: Array
 ) -> tuple[float, float, float]:
-    """Add the wrench M_A [R^T v_c_dot; 0] of water that accelerates by (north, east, down) [m/s^2], NED.
+    """Add to `tau` the wrench M_A [R^T v_c_dot; 0] of water that accelerates.
 
     It is the last term of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0].  It acts through the
     added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
     + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.
 
+    Args:
+        north: Acceleration of the water toward north [m/s^2].
+        east: Acceleration of the water toward east [m/s^2].
+        down: Acceleration of the water downward [m/s^2].
+        c: Constants of the vehicle, as in `layout`.
+        s: State of motion, as in `layout`.
+        tau: Wrench on the vehicle, (6,), changed in place.
+
     Returns:
-        R^T v_c_dot.
+        R^T v_c_dot, the acceleration of the water in body axes [m/s^2].
     """
     x = s[ROTATION] * north + s[ROTATION + 3] * east + s[ROTATION + 6] * down
     y = s[ROTATION + 1] * north + s[ROTATION + 4] * east + s[ROTATION + 7] * down
@@ -125,11 +133,15 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
 
 
 def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table]]:
-    """Return a function that proposes a parameter's initial value: the recording's mean depth or time.
+    """Return a function that proposes a reference depth or time: the median of a recording.
 
     Args:
         name: Parameter, the reference depth z_0 or time t_0.
         column: 2 for the depth, 3 for the time, in the positions and times (N, 4) of the recording.
+
+    Returns:
+        Function from a vehicle and the recording's positions [m] and times [s], (N, 4) or None, to a list of
+        one table with the parameter's value; 0 without a recording.
     """
 
     def start(vehicle: Vehicle, reach: Array | None) -> list[Table]:
@@ -161,7 +173,7 @@ def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible)
 
 
 def current_sentence(case: Case) -> str:
-    """State the speed of the current and the heading toward which it flows."""
+    """Return a sentence that states the speed of the current and the heading toward which it flows."""
     down = case.one("v_D")
     now, old, clear = horizontal_change(case.one("v_N"), case.one("v_E"), "m/s")
     vertical = f"{'downward' if down.value > 0.0 else 'upward'} at {down.size('m/s')}" if down.clear else ""
@@ -177,7 +189,7 @@ def current_sentence(case: Case) -> str:
 
 
 def shear_sentence(case: Case) -> str:
-    """State the increase of the current per metre of depth."""
+    """Return a sentence that states the increase of the current per metre of depth."""
     now, old, clear = horizontal_change(case.one("g_N"), case.one("g_E"), "m/s")
     if not clear:
         return undetermined(case, "the gain of the current per metre of depth", now)
@@ -188,7 +200,7 @@ def shear_sentence(case: Case) -> str:
 
 
 def trend_sentence(case: Case) -> str:
-    """State the increase of the current per minute."""
+    """Return a sentence that states the increase of the current per minute."""
     now, old, clear = horizontal_change(case.one("a_N"), case.one("a_E"), "m/s", 60.0)
     if not clear:
         return undetermined(case, "the gain of the current per minute", now)

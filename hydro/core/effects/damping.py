@@ -166,14 +166,28 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 
 
 def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a fitted component that keep total linear damping at least 0 on the diagonal."""
+    """Return the minimum and maximum of a component in a fit of linear damping.
+
+    A diagonal component keeps the total linear damping on its axis at least 0; others have no bounds.
+
+    Args:
+        index: Place of the component: (axis,) in a diagonal, (row, column) in a matrix.
+        rest: Inertia and damping of the vehicle without the fitted effect.
+    """
     if len(set(index)) > 1:
         return -math.inf, math.inf
     return -float(rest.linear[index[0], index[0]]), math.inf
 
 
 def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a fitted component that keep total quadratic damping at least 0."""
+    """Return the minimum and maximum of a component in a fit of quadratic damping.
+
+    They keep the total quadratic damping on its axis at least 0.
+
+    Args:
+        index: Place of the component, (axis,).
+        rest: Inertia and damping of the vehicle without the fitted effect.
+    """
     return -float(rest.quadratic[index[0]]), math.inf
 
 
@@ -187,38 +201,58 @@ def raised_across(i: int) -> Plausible:
 
 
 def at_powers(powers: Sequence[float]) -> Shapes:
-    """Return trial shapes of `power_drag`: for each given exponent, a column for each of the six axes."""
+    """Return a function that yields one trial shape of `power_drag` for each given exponent.
+
+    Each shape, a linear problem at a fixed exponent, has one column for the drag on each of the six axes.
+
+    Args:
+        powers: Exponents n of the speed in |nu_r,i|^(n-1) nu_r,i.
+    """
     return lambda vehicle, reach: (along(POWER_DRAG, "diagonal", without_drag(n), vehicle) for n in powers)
 
 
 def without_drag(n: float) -> Table:
-    """Return a `power_drag` table with exponent `n` and zero coefficients."""
+    """Return a new `power_drag` table with exponent `n` and zero coefficients."""
     return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
 
 
 def nearest_plain(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return linear or quadratic damping with the same coefficients as a `power_drag` table.
+    """Return the simpler effect nearest to a power drag: linear or quadratic damping of equal coefficients.
 
-    The exponent of the table decides which of the two is closer.
+    Args:
+        table: `[[effect]]` table of `power_drag`; linear damping is nearer if its exponent is below NEARER.
+        vehicle: Not used.
+
+    Returns:
+        A list of one new `[[effect]]` table.
     """
     plain = LINEAR_DAMPING if table["n"] < NEARER else QUADRATIC_DAMPING
     return [{"name": plain.name, "diagonal": list(table["diagonal"])}]
 
 
 def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return initial tables of `offset_drag`: small drags at points ahead, astern, above and below CO.
+    """Return four `[[effect]]` tables of `offset_drag` from which fits start.
 
-    The drag is not zero, because the point of a zero drag has no influence on the motion.
+    Each has the same small drag, at a point ahead, astern, above or below CO.  The drag is not zero, because
+    the point of a zero drag has no influence on the motion.
+
+    Args:
+        vehicle: The vehicle, whose mass and length set the drag and the distance of the points.
+        reach: Not used.
     """
     little, lever = np.full(3, 0.05 * vehicle.rigid_body.mass), LEVER * vehicle.hull.length
     return [_part(little, sign * lever * np.eye(3)[axis]) for axis in (0, 2) for sign in (-1.0, 1.0)]
 
 
 def drags_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `offset_drag`, with nine columns.
+    """Yield one trial shape of `offset_drag`, a linear problem with nine columns.
 
     Three columns are a drag along each axis at CO.  Six are the same drags displaced along each of the two
     other axes.  In slow turns the force is nearly linear in these coefficients.
+
+    Args:
+        vehicle: The vehicle, whose mass and length set the sizes of the columns.
+        reach: Not used.
     """
     drag, length, axes = 0.5 * vehicle.rigid_body.mass, vehicle.hull.length, np.eye(3)
     levers = [(i, j) for i in range(3) for j in range(3) if j != i]
@@ -243,7 +277,7 @@ def _part(drag: Array, position: Array) -> Table:
 
 
 def power_sentence(case: Case) -> str:
-    """State the drag of each axis at 1 m/s and 1 rad/s, and the exponent of the speed."""
+    """Return a sentence that states the drag of each axis at 1 m/s and 1 rad/s, and the exponent."""
     entries = []
     for i, (axis, one) in enumerate(zip(AXES, case.many("diagonal", (6,)), strict=True)):
         speed, unit = ("1 rad/s", "N m") if i >= 3 else ("1 m/s", "N")
@@ -256,7 +290,7 @@ def power_sentence(case: Case) -> str:
 
 
 def offset_sentence(case: Case) -> str:
-    """State the drag along three axes and the point where it acts."""
+    """Return a sentence that states the drag along three axes and the point where it acts."""
     axes, point = AXES[:3], case.many("position", (3,))
     drags = case.many("drag", (3,))
     entries = [

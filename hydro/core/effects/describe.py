@@ -12,7 +12,7 @@ AXES = ("X Y Z", "K M N")
 
 
 def describe(effect: Effect) -> dict[str, Any]:
-    """Return the whole record as plain text and numbers; missing bounds are None."""
+    """Return an effect's whole record as plain text and numbers, by their names; missing bounds are None."""
     return {
         "name": effect.name,
         "kind": effect.kind,
@@ -42,7 +42,7 @@ def describe(effect: Effect) -> dict[str, Any]:
 
 
 def unit(parameter: Parameter) -> str:
-    """Return the unit of a parameter, with the axes of each if there are several."""
+    """Return the unit of a parameter as text, such as `N s/m`; of several units, each with its axes."""
     units = parameter.unit
     if len(units) == 1:
         return units[0]
@@ -58,7 +58,7 @@ def size(parameter: Parameter) -> str:
 
 
 def bounds(parameter: Parameter) -> str:
-    """Return the admissible values: `any`, `>= 0`, `<= 1` or `-1 to 1`."""
+    """Return the admissible values of a parameter as text: `any`, `>= 0`, `<= 1` or `-1 to 1`."""
     low, high = parameter.low, parameter.high
     if math.isfinite(low) and math.isfinite(high):
         return f"{low:g} to {high:g}"
@@ -68,12 +68,17 @@ def bounds(parameter: Parameter) -> str:
 
 
 def plausible(parameter: Parameter) -> str:
-    """Return the plausible range in words; `not said` if the record has none."""
+    """Return the plausible range of a parameter in words; `not said` if the record has none."""
     return parameter.plausible.words if parameter.plausible else "not said"
 
 
 def when_left_out(effect: Effect, parameter: Parameter) -> str:
-    """Return, in words, the value of a parameter that a vehicle file does not give."""
+    """Return what a parameter means that a vehicle file leaves out: `0`, `must be given`, or the alternative.
+
+    Args:
+        effect: The effect.
+        parameter: Parameter of the effect.
+    """
     if parameter.name in effect.one_of:
         others = [name for name in effect.one_of if name != parameter.name]
         return f"give {' or '.join(others)} instead"
@@ -81,7 +86,7 @@ def when_left_out(effect: Effect, parameter: Parameter) -> str:
 
 
 def toml(effect: Effect, thrusters: int = 2) -> str:
-    """Return a neutral `[[effect]]` table for a vehicle file: every value is 0, or 1 if 0 is not allowed.
+    """Return the text of a neutral `[[effect]]` table: every value is 0, or 1 if 0 is not allowed.
 
     Args:
         effect: The effect.

@@ -114,18 +114,27 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
 
 
 def at_the_center(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return the initial table of `ellipsoid_drag`: a typical ellipsoid about the hull's centre.
+    """Return a list of one `ellipsoid_drag` table from which a fit starts.
 
-    The drag is not zero, because the place of a zero drag has no influence on the motion.
+    It is a typical drag about the hull's centre.  The drag is not zero, because the place of a zero drag has
+    influence on the motion.
+
+    Args:
+        vehicle: The vehicle, for the centre of its hull.
+        reach: Not used.
     """
     return [_ellipsoid(np.full(3, TYPICAL), np.array(vehicle.hull.center, float))]
 
 
 def coefficients_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `ellipsoid_drag`, with six columns.
+    """Yield one trial shape of `ellipsoid_drag`, a linear problem with six columns.
 
     Three columns are a drag along each axis about the hull's centre.  Three are equal drags along all axes
     about a centre displaced along each axis.
+
+    Args:
+        vehicle: The vehicle, for the size and centre of its hull.
+        reach: Not used.
     """
     center, axes = np.array(vehicle.hull.center, float), np.eye(3)
     lever = LEVER * np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
@@ -142,7 +151,14 @@ def coefficients_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[
 
 
 def nearest_damping(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return the quadratic damping with the ellipsoid's force in motion along or about a single axis."""
+    """Return the simpler effect nearest to an ellipsoid's drag: a list of one new `quadratic_damping` table.
+
+    Both have the same force in motion along or about a single axis.
+
+    Args:
+        table: `[[effect]]` table of `ellipsoid_drag`.
+        vehicle: The vehicle, for its hull and the density of the water.
+    """
     hull, center = vehicle.hull, np.array(table.get("position", np.zeros(3)), float)
     packed, constants = np.concatenate([table["C"], center]), np.zeros(HULL + 3)
     constants[DENSITY] = vehicle.environment.water_density
@@ -161,7 +177,7 @@ def _ellipsoid(coefficient: Array, position: Array) -> Table:
 
 
 def ellipsoid_sentence(case: Case) -> str:
-    """State the drag coefficients along three axes and the centre of the ellipsoid."""
+    """Return a sentence that states the drag coefficients along three axes and the ellipsoid's centre."""
     axes, point = AXES[:3], case.many("position", (3,))
     drags = case.many("C", (3,))
     entries = [

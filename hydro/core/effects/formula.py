@@ -190,13 +190,26 @@ def _other(key: str) -> str:
 
 
 def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[str, Any]:
-    """Return the table of a formula with one term."""
+    """Return a new `[[effect]]` table of a formula with one term.
+
+    Args:
+        term: Term as in a vehicle file, such as `Y |v|^1.4 v`.
+        amount: Coefficient, the force [N] or moment [N m] with every factor equal to 1.
+        exponents: Values of those exponents of the term that a fit may change.
+    """
     key, value = ("force", "forces") if term[0] in AXES[:3] else ("moment", "moments")
     return {"name": FORMULA.name, value: [term], key: [amount], "exponents": list(exponents)}
 
 
 def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Return the terms of a formula: text, coefficient (0 if missing) and free exponents; forces first."""
+    """Return the terms of a formula, forces before moments.
+
+    Args:
+        table: `[[effect]]` table of the formula.
+
+    Returns:
+        For each term its text, its coefficient (0 if missing) and its exponents that a fit may change.
+    """
     powers, found = iter(table.get("exponents", ())), []
     for group, values in GROUPS:
         terms = table.get(group, ())
@@ -207,9 +220,12 @@ def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...
 
 
 def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return one formula with the terms of several formulas, all forces before all moments.
+    """Return one new `[[effect]]` table with the terms of several formulas, all forces before all moments.
 
     Each term keeps its coefficient and exponents.
+
+    Args:
+        tables: `[[effect]]` tables of the formulas.
     """
     every = [term for table in tables for term in amounts(table)]
     forces, moments = ([one for one in every if (one[0][0] in AXES[:3]) is force] for force in (True, False))
@@ -240,7 +256,7 @@ def as_drag(force: bool) -> Plausible:
 
 
 def formula_sentence(case: Case) -> str:
-    """State the coefficient of each term, with the term as the vehicle file writes it."""
+    """Return a sentence that states the coefficient of each term, as the vehicle file writes the term."""
     whole = {**(case.before or {}), **case.values}
     powers = iter(case.many("exponents", (sum(parsed(text)[1] for text in every_term(whole)),)))
     entries = []
@@ -266,7 +282,7 @@ def formula_sentence(case: Case) -> str:
 
 
 def every_term(table: Mapping[str, Any]) -> list[str]:
-    """Return the terms of a formula, forces first."""
+    """Return the texts of a formula's terms, forces first."""
     return [str(term) for group, _ in GROUPS for term in table.get(group, ())]
 
 

@@ -27,9 +27,12 @@ SHARED = 2.0 / 3.0
 
 
 class Thrust(NamedTuple):
-    """Thrust of one thruster as a share of its thrust in the vehicle file, with the standard error.
+    """Thrust of one thruster relative to its thrust in the vehicle file.
 
-    `number` counts thrusters from 1.
+    Attributes:
+        number: Number of the thruster, from 1.
+        share: Thrust as a fraction of the thrust in the vehicle file: 1 as modelled, negative if reversed.
+        error: Standard error of `share`.
     """
 
     number: int
@@ -38,22 +41,34 @@ class Thrust(NamedTuple):
 
     @property
     def percent(self) -> str:
-        """Share in whole percent, with its standard error if known."""
+        """Text of the thrust in whole percent of the file's thrust, with its standard error if known."""
         error = max(100.0 * self.error, 1.0) if self.error > 0.0 else self.error
         return quantity(100.0 * self.share, error, "%")
 
     def differs(self, share: float) -> bool:
-        """Return whether the thrust differs significantly from `share`."""
+        """Return whether the thrust differs significantly from a value.
+
+        The difference must exceed both CLEAR (2) standard errors and ALIKE (3 % of the file's thrust).
+
+        Args:
+            share: The value, a fraction of the thrust in the vehicle file.
+        """
         return abs(self.share - share) > max(ALIKE, CLEAR * self.error)
 
     def at(self, share: float) -> bool:
-        """Return whether the thrust is close enough to `share` to be stated as that share."""
+        """Return whether the thrust is close enough to a value to be stated as that value.
+
+        That is within NEAREST, or within CLOSE with CLEAR (2) standard errors added.
+
+        Args:
+            share: The value, a fraction of the thrust in the vehicle file; 0 if dead, -1 if reversed.
+        """
         off = abs(self.share - share)
         return off <= NEAREST or off + CLEAR * self.error <= CLOSE
 
 
 def gains_sentence(case: Case) -> str:
-    """State the thrust of all thrusters, alike or one by one."""
+    """Return sentences on the fitted thrust of all thrusters, stated together or one by one."""
     if "common" in case.values:
         return common_sentence(case)
     found, unknown = thrusts(case)
@@ -72,17 +87,21 @@ def gains_sentence(case: Case) -> str:
 
 
 def joined(clauses: Sequence[str]) -> str:
-    """Return clauses as one sentence with a full stop."""
+    """Return one sentence of several clauses, joined by semicolons, with a full stop."""
     return f"{capital('; '.join(clauses))}."
 
 
 def not_determined(numbers: Sequence[int]) -> str:
-    """State which thrusters' gains a log does not determine, by the thrusters' numbers."""
+    """Return a sentence that names thrusters whose gains a log does not determine.
+
+    Args:
+        numbers: Numbers of the thrusters, from 1.
+    """
     return f"{capital(group(numbers))} {'are' if len(numbers) > 1 else 'is'} not determined by this log."
 
 
 def common_sentence(case: Case) -> str:
-    """State a factor common to all thrusters."""
+    """Return a sentence on the fitted gain that all thrusters have in common."""
     gain = case.one("common")
     before = mean([was for _, was in file_gains(case)])
     one = against(1, gain.value, gain.error, before)
@@ -113,7 +132,7 @@ def against(number_: int, gain: float, error: float, before: float) -> Thrust:
 
 
 def file_gains(case: Case) -> list[tuple[int, float]]:
-    """Return the index, from 0, of each thruster that is no servo, with its gain in the vehicle file."""
+    """Return the index (from 0) of each thruster with its gain in the vehicle file; servos are left out."""
     count = len(case.vehicle.thruster)
     key = "common" if "common" in (case.before or {}) else "g"
     gains = case.of_file(key, (count,)).tolist()
@@ -121,9 +140,12 @@ def file_gains(case: Case) -> list[tuple[int, float]]:
 
 
 def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
-    """Return the thrusts that a log determines, and the numbers of the other thrusters.
+    """Return the thrusts that a log determines, and the numbers (from 1) of the other thrusters.
 
     A gain with a standard error of 0 was held fixed, and counts as determined.
+
+    Args:
+        case: Fitted values of `thruster_gain` with the vehicle file.
     """
     gains = case.many("g", (len(case.vehicle.thruster),))
     errors = case.error_of("g", (len(gains),))
@@ -168,7 +190,7 @@ def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[s
 
 
 def named(some: Sequence[Thrust]) -> str:
-    """Name thrusters by their numbers."""
+    """Return words that name thrusters by their numbers, such as `thrusters 1 and 2`."""
     return group(one.number for one in some)
 
 
@@ -204,13 +226,23 @@ def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: 
 
 
 def besides(one: Thrust, middle: float) -> str:
-    """Compare a thruster with the common factor `middle` of the others: "thruster 3 another 35 % less"."""
+    """Return words that compare a thruster with the others: "thruster 3 another 35 % less".
+
+    Args:
+        one: The thruster.
+        middle: Common thrust of the others, a fraction of the thrust in the vehicle file.
+    """
     percent = round(100.0 * (one.share / middle - 1.0))
     return f"thruster {one.number} another {abs(percent)} % {'less' if percent < 0 else 'more'}"
 
 
 def by_distance(some: Sequence[Thrust], share: float) -> list[Thrust]:
-    """Sort thrusters by their distance from a share in standard errors, the farthest first."""
+    """Return thrusters in a new list, sorted by distance from a value in standard errors, the farthest first.
+
+    Args:
+        some: The thrusters.
+        share: The value, a fraction of the thrust in the vehicle file.
+    """
     return sorted(some, key=lambda one: abs(one.share - share) / max(one.error, NEAREST), reverse=True)
 
 
@@ -247,6 +279,6 @@ def one_by_one(
 
 
 def span(some: Sequence[Thrust]) -> str:
-    """Return the range of several thrusts in percent, as in `98 to 102`."""
+    """Return the lowest and highest of several thrusts as text in percent, as in `98 to 102`."""
     low, high = (number(round(100.0 * end(one.share for one in some))) for end in (min, max))
     return low if low == high else f"{low} to {high}"

@@ -215,7 +215,9 @@ def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict
 
 
 def keeps_crossflow(which: int) -> Limits:
-    """Return the bounds of a fitted cross-flow coefficient that keep the total coefficient at least 0.
+    """Return a function that gives the bounds of a fitted cross-flow coefficient.
+
+    The bounds keep the sum of the fitted coefficient and the file's other coefficients at least 0.
 
     Args:
         which: 0 for the sideways coefficient, 1 for the vertical one.
@@ -228,9 +230,13 @@ def keeps_crossflow(which: int) -> Limits:
 
 
 def as_a_wing(i: int, j: int) -> Plausible:
-    """Return the plausible range of the lift coefficient L[i,j], of either sign.
+    """Return the plausible range of an entry of the matrix of lift coefficients, of either sign.
 
     The limit is the lift of a wing near CO as large as the hull's side or bottom.
+
+    Args:
+        i: Row of the entry, the axis of the lift, 0 to 5.
+        j: Column of the entry, the axis of the drift, 0 to 5.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -249,25 +255,37 @@ def plain_area(vehicle: Vehicle) -> float:
 
 
 def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the plausible range of a fin's area [m^2]: from 0 to the area of the hull's side or bottom."""
+    """Return the least and greatest plausible area of a fin [m^2].
+
+    They are 0, and the area of the hull's side or bottom.
+
+    Args:
+        index: Not used.
+        vehicle: The vehicle, for the size of its hull.
+    """
     return 0.0, vehicle.hull.length * max(vehicle.hull.width, vehicle.hull.height)
 
 
 def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return initial tables of `control_surface`: a small elevator and a small rudder at the stern.
+    """Return two `control_surface` tables from which fits start, a small elevator and a small rudder.
 
-    The area is not zero, because the place of a fin without area has no influence on the motion.
+    Both are at the stern.  The area is not zero, because the place of a fin without area has no influence on
+    motion.
+
+    Args:
+        vehicle: The vehicle, for the length of its hull.
+        reach: Not used.
     """
     aft = np.array([AFT * vehicle.hull.length, 0.0, 0.0])
     return [_fin(0.2 * plain_area(vehicle), aft, roll) for roll in (0.0, 0.5 * math.pi)]
 
 
 def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
-    """Return trial shapes of `control_surface` for fins at given rolls and stations.
+    """Return a function that yields trial shapes of `control_surface`, for fins at given rolls and stations.
 
-    Columns are the fin's area, its moment along the span and its fixed deflection; further shapes let the fin
-    follow a servo command that no effect uses yet.  No fin is tried at CO, because its negative area would
-    explain errors of fins ahead and astern.
+    A shape is a linear problem.  Its columns are the fin's area, its moment along the span and its fixed
+    deflection; further shapes let the fin follow a servo command that no effect uses yet.  No fin is tried at
+    CO, because its negative area would explain errors of fins ahead and astern.
 
     Args:
         rolls: Roll angles of the span about the x axis [rad].
@@ -333,7 +351,7 @@ def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> 
 
 
 def fin_sentence(case: Case) -> str:
-    """State area, attitude and place of a fin, and its commands."""
+    """Return a sentence that states area, attitude and place of a fin, and its commands."""
     area, point = case.one("area"), case.many("position", (3,))
     roll, deflection, stall = (case.one(key).times(DEGREES) for key in ("roll", "deflection", "stall"))
     commands = [str(one) for one in case.values.get("commands", (case.before or {}).get("commands", ()))]
@@ -386,9 +404,12 @@ def stopped(turn: Quantity) -> bool:
 
 
 def fin_of(roll: float) -> str:
-    """Return words for a fin with a given roll of its span [deg], such as "A vertical fin".
+    """Return words for a fin with a given roll of its span, such as "A vertical fin".
 
     A roll near 0 is horizontal, near 90 vertical; other rolls are stated in degrees.
+
+    Args:
+        roll: Roll of the span about the x axis [deg].
     """
     roll = (roll + 90.0) % 180.0 - 90.0  # half a turn more is the same fin
     if abs(roll) <= UPRIGHT:

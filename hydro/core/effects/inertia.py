@@ -94,14 +94,21 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a fitted component that keep total added mass at least 0 on the diagonal."""
+    """Return the minimum and maximum of a component in a fit of added mass.
+
+    A diagonal component keeps the total added mass on its axis at least 0; others have no bounds.
+
+    Args:
+        index: Place of the component: (axis,) in a diagonal, (row, column) in a matrix.
+        rest: Inertia and damping of the vehicle without the fitted effect.
+    """
     if len(set(index)) > 1:
         return -math.inf, math.inf
     return -float(rest.added_mass[index[0], index[0]]), math.inf
 
 
 def coriolis_sentence(case: Case) -> str:
-    """State the ratio of the Coriolis forces of the added mass to those that M_A implies."""
+    """Return a sentence that compares the Coriolis forces of the added mass with those that M_A implies."""
     share = case.one("kappa").times(100.0)
     subject = "the Coriolis force of the added mass (Munk moment)"
     if not share.clear:

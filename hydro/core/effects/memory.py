@@ -67,7 +67,13 @@ def states(p: Array) -> int:
 
 
 def at_rates(rates: Sequence[float]) -> Shapes:
-    """Return trial shapes of `fluid_memory`: for each decay rate [1/s], a column for each of six axes."""
+    """Return a function that yields one trial shape of `fluid_memory` for each given decay rate.
+
+    Each shape, a linear problem at a fixed rate, has one column for the strength on each of the six axes.
+
+    Args:
+        rates: Decay rates [1/s].
+    """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         for rate in rates:
@@ -77,25 +83,34 @@ def at_rates(rates: Sequence[float]) -> Shapes:
 
 
 def absent(rate: float) -> Table:
-    """Return a `fluid_memory` table with one decay rate [1/s] and zero strength."""
+    """Return a new `fluid_memory` table with one decay rate [1/s] and zero strength."""
     return {"name": FLUID_MEMORY.name, "K": [[0.0] * 6], "rates": [rate]}
 
 
 def up_to_quickest(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of decay rates that a log can show [1/s]."""
+    """Return the least and greatest decay rate that a log can show [1/s], LEAST_RATE and QUICKEST.
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return LEAST_RATE, QUICKEST
 
 
 def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the plausible range of a strength K.
+    """Return the least (0) and greatest plausible strength K of the fluid memory.
 
     In slow motion K acts as an added mass K/a, with the decay rate a.
+
+    Args:
+        index: Place of the component, the axis (0 to 5) as last entry.
+        vehicle: The vehicle, for its greatest plausible added mass.
     """
     return 0.0, float(most_added(vehicle)[index[-1]]) * RATES[-1]
 
 
 def memory_sentence(case: Case) -> str:
-    """State the strength on each axis and the decay time."""
+    """Return a sentence that states the strength on each axis and the decay time."""
     rates = case.many("rates", (rates_of(case),))
     strengths = case.many("K", (len(rates), 6))
     entries = []

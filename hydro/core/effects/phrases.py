@@ -61,7 +61,7 @@ class Entry(NamedTuple):
 
 
 def undetermined(case: Case, subject: str, value: str) -> str:
-    """State that a log does not determine a value, or shows no difference from the file's value.
+    """Return a sentence that a log does not determine a value, or shows no difference from the file's value.
 
     Args:
         case: Values of the effect; the second statement is for an effect that the vehicle file has.
@@ -75,7 +75,10 @@ def undetermined(case: Case, subject: str, value: str) -> str:
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
-    """Sort components by the difference from the file: first in standard errors, then in size."""
+    """Return components in a new list, sorted by the difference from the file, the largest first.
+
+    The difference is first compared in standard errors, then in size.
+    """
     return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
 
 
@@ -116,7 +119,7 @@ def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], s
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the components of an effect: what the vehicle file lacks, or how the fit differs from the file.
+    """Return a sentence on the components of an effect: those the file lacks, or those that differ.
 
     Args:
         case: The values.
@@ -127,7 +130,13 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """State the components that the file lacks: "Drag of 284 N s²/m² (±6) in heave is missing"."""
+    """Return a sentence on components that the file lacks: "Drag of 284 N s²/m² (±6) in heave is missing".
+
+    Args:
+        case: The values of the effect.
+        noun: Name of the force or inertia, as in `quadratic damping`.
+        entries: All components.
+    """
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
@@ -145,17 +154,17 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def valued(entry: Entry) -> str:
-    """Write the value of a component with its unit, error and place."""
+    """Return text with the value of a component, its unit, standard error and place."""
     return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
 
 
 def without_error(entry: Entry) -> str:
-    """Write the value of a component with its unit and place, but without its standard error."""
+    """Return text with the value of a component, its unit and place, but without its standard error."""
     return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
 
 
 def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
-    """State components that differ from the file, as in "Heave drag is 1.3 times the file's value (…)".
+    """Return a sentence on differences from the file: "Heave drag is 1.3 times the file's value (…)".
 
     Args:
         noun: Name of the force or inertia.
@@ -185,12 +194,17 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
 
 def more(left: int, noun: str = "") -> list[str]:
-    """Count the omitted components, as the last item of a list: `3 more values`."""
+    """Return a list of one item, words such as `3 more values`, for omitted components.
+
+    Args:
+        left: Number of omitted components; the list is empty for 0.
+        noun: Name of one component, such as `value`; by default the words are `3 more`.
+    """
     return [f"{left} more {noun}{'s' * (left > 1 and bool(noun))}".strip()] if left > 0 else []
 
 
 def against_file(entry: Entry, first: bool) -> str:
-    """Compare a component with the file's value: by their ratio if it is simple, else by both values.
+    """Return words that compare a component with the file: by the ratio if it is simple, else by both values.
 
     Args:
         entry: The component.
@@ -298,7 +312,7 @@ def force_per_speed(i: int, j: int) -> str:
 
 
 def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str]:
-    """Write the significant components of a body vector: `0.020 m (±0.001) forward`, `0.010 m above`.
+    """Return text for each significant component of a body vector, such as `0.020 m (±0.001) forward`.
 
     If all components have the same standard error, it is written once.
 
@@ -366,7 +380,12 @@ def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]
 
 
 def horizontal(north: Quantity, east: Quantity) -> Quantity:
-    """Return the length of a horizontal vector with its standard error, and the length in the file."""
+    """Return the length of a horizontal vector with its standard error, and the length in the file.
+
+    Args:
+        north: Component toward north: fitted value, standard error and the file's value.
+        east: Component toward east.
+    """
     length, before = math.hypot(north.value, east.value), math.hypot(north.before, east.before)
     if not length:
         return estimate(0.0, max(north.error, east.error), before)
@@ -376,7 +395,13 @@ def horizontal(north: Quantity, east: Quantity) -> Quantity:
 
 
 def toward(size: str, north: float, east: float) -> str:
-    """Write a horizontal vector by its length and compass heading."""
+    """Return text for a horizontal vector: its length and compass heading.
+
+    Args:
+        size: Text of the length.
+        north: Component toward north, in any unit.
+        east: Component toward east, in the same unit.
+    """
     return f"{size} toward {compass(north, east)}"
 
 

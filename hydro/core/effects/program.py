@@ -68,12 +68,12 @@ class Program:
 def assemble(
     vehicle: Vehicle, listed: Sequence[Entry] | None = None, *, sea: Sequence[int] | None = None
 ) -> Program:
-    """Compile a vehicle.
+    """Return the compiled vehicle: one vector of numbers that contains its effects and thrusters.
 
     Args:
         vehicle: The vehicle; effects of kind `sensor` are ignored.
-        listed: Its `entries`, if available.
-        sea: Seeds of its waves; by default the sea is calm, as in every prediction.
+        listed: Result of `entries` for this vehicle, if already computed.
+        sea: Seeds of the random waves; by default the sea is calm, as in every prediction.
 
     Raises:
         DataError: An effect is not valid in the catalogue, or the mass matrix cannot be inverted.
@@ -96,7 +96,7 @@ def assemble(
 
 
 def in_sea(program: Program, harmonics: Array) -> Program:
-    """Return the program with waves added.
+    """Return a new program with waves added; the given program is not changed.
 
     Args:
         program: Program of a vehicle in a calm sea.
@@ -108,10 +108,10 @@ def in_sea(program: Program, harmonics: Array) -> Program:
 
 
 def with_thrusters(program: Program, rows: Array) -> Program:
-    """Return the program of a vehicle in a calm sea with further thrusters, the last ones.
+    """Return a new program with further thrusters, after those of the given program.
 
     Args:
-        program: Program of the vehicle.
+        program: Program of a vehicle in a calm sea; it is not changed.
         rows: Rows of the thruster table, (n, COLUMNS), as in `vehicle.thrusters`.
     """
     flat = np.concatenate([program.flat, rows.ravel()])
@@ -120,11 +120,15 @@ def with_thrusters(program: Program, rows: Array) -> Program:
 
 
 def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Array]]:
-    """Return one generator of wave harmonics for each wave effect of a vehicle, see `core.effects.waves`.
+    """Return one generator of wave harmonics for each wave effect of a vehicle.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: The vehicle, for gravity.
         listed: Result of `entries` for this vehicle.
+
+    Returns:
+        Functions from the positions of H harmonics within their frequency bands, in [0, 1], (H,), to the
+        harmonics, (H, COMPONENT), as `waves.harmonics` returns them.
     """
     gravity = vehicle.environment.gravity
     return [
@@ -135,19 +139,27 @@ def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Ar
 
 
 def waves(vehicle: Vehicle, listed: Sequence[Entry], seeds: Sequence[int]) -> Array:
-    """Return the harmonics of a random sea, one per row, (H, COMPONENT).
+    """Draw the harmonics of a random sea, one per row, (H, COMPONENT); no rows without wave effects.
 
     Args:
         vehicle: Vehicle file.
-        listed: Its effects, see `entries`.
-        seeds: Seeds of the random phases.
+        listed: Result of `entries` for this vehicle.
+        seeds: Seeds of the random frequencies and amplitudes.
     """
     rng = np.random.default_rng(seeds)
     return np.concatenate([np.zeros((0, COMPONENT)), *(drawn(sea, rng) for sea in seas(vehicle, listed))])
 
 
 def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
-    """Return the constants `c` of a vehicle with these effects, in the layout of `core.effects.layout`."""
+    """Return the constants `c` of a vehicle, (CONSTANTS,), in the layout of `core.effects.layout`.
+
+    Args:
+        vehicle: The vehicle.
+        listed: Result of `entries` for this vehicle.
+
+    Raises:
+        DataError: The mass matrix with all effects cannot be inverted.
+    """
     c = np.zeros(layout.CONSTANTS)
     body, inertia = vehicle.rigid_body, inertia_matrix(vehicle, listed)
     mass = rigid_body.mass_matrix(vehicle) + inertia
@@ -201,9 +213,12 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
 
 
 def remembering(flat: Array) -> Array:
-    """Return the program of those effects of a program that have internal states.
+    """Return a new program with those effects of a program that have internal states.
 
     Their states evolve as in the whole program.
+
+    Args:
+        flat: All numbers of the whole program, `Program.flat`.
     """
     return _program(flat, [(row, p) for row, p in _effects(flat) if row[3] != row[4]], 0.0)
 
@@ -214,8 +229,8 @@ def same_memories(flat: Array, other: Array) -> bool:
     Their thrusters may differ.
 
     Args:
-        flat: Program of the first vehicle.
-        other: Program of the second vehicle.
+        flat: All numbers of the first program, `Program.flat`.
+        other: All numbers of the second program.
     """
     mine, its = (
         [(row[0], row[3], row[4], p.tobytes()) for row, p in _effects(one) if row[3] != row[4]]
@@ -272,9 +287,14 @@ def thrusters_of(flat: Array) -> Array:
 
 @within
 def relative_to_water(flat: Array, s: Array) -> None:
-    """Write nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`.
+    """Compute nu_r = nu - [R^T v_c(z, t); 0] and write it to the state of motion `s`.
 
-    With waves it also writes the gradients of the water's velocity.
+    The velocity, rotation, depth and time are read from `s`.  With waves the gradients of the water's
+    are written to `s` too.
+
+    Args:
+        flat: All numbers of a program, `Program.flat`.
+        s: State of motion in the layout of `core.effects.layout`, changed in place.
     """
     at, growth, trend = (
         HEADER + layout.CURRENT,
@@ -302,7 +322,12 @@ def relative_to_water(flat: Array, s: Array) -> None:
 
 @kernel
 def heed(commands: Array, s: Array) -> None:
-    """Write the commands of a row (n,) into the state of motion `s`, at most MOST_COMMANDS of them."""
+    """Write the thruster commands of one row of a log into the state of motion `s`.
+
+    Args:
+        commands: Commands, (n,); at most MOST_COMMANDS of them are written.
+        s: State of motion in the layout of `core.effects.layout`, changed in place.
+    """
     for i in range(min(commands.size, layout.MOST_COMMANDS)):
         s[layout.COMMANDS + i] = commands[i]
 

@@ -99,11 +99,16 @@ class Parameter:
             dimension(unit)
 
     def unit_at(self, index: Index) -> str:
-        """Return the unit of one component."""
+        """Return the unit of the component of the parameter at a given index."""
         return self.unit[self._part(index)]
 
     def scale_at(self, index: Index, vehicle: Vehicle) -> float:
-        """Return the significant size of one component for a vehicle, in the component's unit."""
+        """Return the significant size of one component, in the component's unit.
+
+        Args:
+            index: Index of the component in the parameter's array; () for a number.
+            vehicle: Vehicle, from which most sizes follow.
+        """
         part = self._part(index)
         size = self.scale[part] if self.scale else None
         if size is None:
@@ -337,7 +342,10 @@ class Effect:
     def known(self, table: Mapping[str, Any]) -> frozenset[str]:
         """Return the names of the parameters that an `[[effect]]` table marks as known.
 
-        The table has `known = true` for all parameters, or a list of names.  A fit does not change them.
+        A fit does not change them.
+
+        Args:
+            table: The table, with `known = true` for all parameters, or a list of names.
         """
         held = table.get("known", False)
         every = (parameter.name for parameter in self.parameters)
@@ -361,7 +369,7 @@ class Effect:
         raise TypeError(f"effect {self.name} has no defining function")
 
     def pack(self, table: Mapping[str, Any], *, thrusters: int, where: str = "effect") -> Array:
-        """Pack the parameters of an `[[effect]]` table to a vector.
+        """Return the parameters of an `[[effect]]` table as one vector.
 
         Args:
             table: The table as read from TOML.

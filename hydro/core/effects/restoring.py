@@ -48,7 +48,14 @@ INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull"
 
 @kernel
 def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the velocity v_r + omega x r through the water of a point r [m], body axes [m/s]."""
+    """Return the velocity v_r + omega x r of a point r of the body through the water, body axes [m/s].
+
+    Args:
+        s: State of motion, as in `layout`.
+        x: Coordinate of the point forward of CO [m].
+        y: Coordinate to starboard [m].
+        z: Coordinate downward [m].
+    """
     roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
     return (
         s[RELATIVE_VELOCITY] + pitch * z - yaw * y,
@@ -59,7 +66,17 @@ def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, floa
 
 @kernel
 def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: Array) -> None:
-    """Add the wrench of a force [N] in body axes at a point of the body [m]."""
+    """Add the wrench of a force at a point of the body to `tau`.
+
+    Args:
+        fx: Force forward, in body axes [N].
+        fy: Force to starboard [N].
+        fz: Force downward in body axes [N].
+        x: Coordinate of the point forward of CO [m].
+        y: Coordinate to starboard [m].
+        z: Coordinate downward [m].
+        tau: Wrench about CO in body axes, (6,) [N, N m], changed in place.
+    """
     tau[0] += fx
     tau[1] += fy
     tau[2] += fz
@@ -70,7 +87,16 @@ def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: 
 
 @kernel
 def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) -> None:
-    """Add the wrench of a force [N], positive downward in the world, at a point of the body [m]."""
+    """Add the wrench of a vertical force at a point of the body to `tau`.
+
+    Args:
+        s: State of motion, as in `layout`.
+        force: Force, positive downward in the world [N].
+        x: Coordinate of the point forward of CO [m].
+        y: Coordinate to starboard [m].
+        z: Coordinate downward in body axes [m].
+        tau: Wrench about CO in body axes, (6,) [N, N m], changed in place.
+    """
     push_at(force * s[ROTATION + 6], force * s[ROTATION + 7], force * s[ROTATION + 8], x, y, z, tau)
 
 
@@ -138,7 +164,15 @@ def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arr
 
 @kernel
 def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> None:
-    """Add the moment of weight that moved within the body, by mass times displacement (x, y, 0) [kg m]."""
+    """Add the moment of weight that moved within the body to `tau`.
+
+    Args:
+        gravity: Acceleration of gravity [m/s^2].
+        s: State of motion, as in `layout`.
+        x: Mass times displacement forward [kg m].
+        y: Mass times displacement to starboard [kg m].
+        tau: Wrench about CO in body axes, (6,) [N, N m], changed in place.
+    """
     push_down(s, gravity, x, y, 0.0, tau)
     push_down(s, -gravity, 0.0, 0.0, 0.0, tau)
 
@@ -151,14 +185,18 @@ def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def loose(tilt: float, lag: float) -> Table:
-    """Return a `drifting_ballast` table with zero mass, a tilt [rad] and a lag [s]."""
+    """Return a new `drifting_ballast` table with zero mass, a tilt [rad] and a lag [s]."""
     return {"name": DRIFTING_BALLAST.name, "S": [0.0, 0.0], "tilt": tilt, "T": lag}
 
 
 def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
-    """Return trial shapes of `drifting_ballast`, one for each tilt [rad] and lag [s].
+    """Return a function that yields one trial shape of `drifting_ballast` for each pair of tilt and lag.
 
-    A shape has a column for each direction of sliding.
+    Each shape is a linear problem with one column for each direction of sliding, surge and sway.
+
+    Args:
+        tilts: Values [rad] of the parameter `tilt` in the ballast's steady place S tanh(d/tilt).
+        lags: Time constants of the sliding [s].
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
@@ -170,43 +208,72 @@ def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
 
 
 def shown_tilts(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of the tilt parameter that a recording can show [rad]."""
+    """Return the least and greatest tilt parameter that a recording can show [rad].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return LEAST_TILT, MOST_TILT
 
 
 def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of the lag that a recording can show [s]."""
+    """Return the least and greatest lag that a recording can show [s].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return LEAST_LAG, MOST_LAG
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the plausible range of a sliding ballast, mass times travel [kg m].
+    """Return the least (0) and greatest plausible sliding ballast, mass times travel [kg m].
 
-    The maximum is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
+    The greatest is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
+
+    Args:
+        index: Place of the component, the direction of sliding as last entry: 0 along surge, 1 along sway.
+        vehicle: The vehicle, for its mass and hull.
     """
     hull = vehicle.hull
     return 0.0, 0.1 * vehicle.rigid_body.mass * (hull.length, hull.width)[index[-1]]
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a coordinate of a payload's place: within two hull lengths of CO [m]."""
+    """Return the minimum and maximum of a coordinate of a payload's place [m].
+
+    They are two hull lengths on either side of CO.
+
+    Args:
+        index: Not used.
+        rest: Vehicle without the fitted effect, for the length of its hull.
+    """
     return -2.0 * rest.vehicle.hull.length, 2.0 * rest.vehicle.hull.length
 
 
 def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return initial tables of `payload`: a small weight and a small lift at CO.
+    """Return two tables of `payload` from which fits start: a small weight, and a small lift, at CO.
 
     The weight is not zero, because the place of a payload without weight has no influence on the motion.
+
+    Args:
+        vehicle: The vehicle, whose weight sets the size.
+        reach: Not used.
     """
     weight = of_weight(0.005)(vehicle)
     return [{"w": weight}, {"w": -weight}]
 
 
 def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `payload` with five columns.
+    """Yield one trial shape of `payload`, a linear problem with five columns.
 
-    They are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear in w,
-    w x, w y, w z and m.
+    The columns are the weight w at CO, w displaced along x, y and z, and the dry mass m.  The force is linear
+    in w, w x, w y, w z and m.
+
+    Args:
+        vehicle: The vehicle, whose mass, weight and length set the sizes of the columns.
+        reach: Not used.
     """
     weight = of_weight(0.01)(vehicle)
     mass, lever = 0.3 * vehicle.rigid_body.mass, LEVER * vehicle.hull.length
@@ -230,7 +297,7 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return two simpler effects that may explain the same log as a payload.
+    """Return two simpler effects, each a new `[[effect]]` table, that may explain the same log as a payload.
 
     The first is a net buoyancy [N] of the payload's weight, for a payload without mass at the centre of
     buoyancy.  The second is a shift of the centre of buoyancy, in body axes [m], with the payload's moment
@@ -246,13 +313,19 @@ def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
 
 
 def in_water(force: float, error: float, vehicle: Vehicle) -> str:
-    """Write a force [N] and its mass in water: `31 N (3.2 kg in water)`."""
+    """Return text with a force and its mass in water: `31 N (3.2 kg in water)`.
+
+    Args:
+        force: Force [N].
+        error: Standard error of the force [N].
+        vehicle: Vehicle file, for gravity.
+    """
     gravity = vehicle.environment.gravity
     return f"{number(abs(force), error)} N ({number(abs(force) / gravity, error / gravity)} kg in water)"
 
 
 def buoyancy_sentence(case: Case) -> str:
-    """State the difference of the vehicle's weight in water from the file."""
+    """Return a sentence that states the difference of the vehicle's weight in water from the file."""
     lift = case.one("dB")
     if not lift.clear:
         return undetermined(case, "the added buoyancy", lift.text("N"))
@@ -261,7 +334,7 @@ def buoyancy_sentence(case: Case) -> str:
 
 
 def payload_sentence(case: Case) -> str:
-    """State weight in water, place and dry mass of a payload."""
+    """Return a sentence that states weight in water, place and dry mass of a payload."""
     weight, mass, point = case.one("w"), case.one("mass"), [case.one(axis) for axis in "xyz"]
     if case.in_file:
         entries = [Entry("the payload's weight in water", "", weight, "N")]
@@ -280,7 +353,7 @@ def payload_sentence(case: Case) -> str:
 
 
 def ballast_sentence(case: Case) -> str:
-    """State the mass, tilt and lag of sliding ballast."""
+    """Return a sentence that states the mass, tilt and lag of sliding ballast."""
     slides = list(zip(("surge", "sway"), case.many("S", (2,)), strict=True))
     tilt, lag = case.one("tilt").times(180.0 / math.pi), case.one("T")
     if case.in_file:

@@ -154,20 +154,34 @@ def logged_position(log: Array, states: Array) -> Array:
 
 
 def true_position(log: Array, states: Array) -> Array:
-    """Return states with the position of the logged reference point replaced by that of CO.
+    """Return new states with the position of the logged reference point replaced by that of CO.
 
-    Inverse of `logged_position`, with the same arguments.
+    It is the inverse of `logged_position`.
+
+    Args:
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
+        states: Position, unit quaternion and velocity, (..., 13); NaN stays NaN.
     """
     return _moved(states, -_rotated(states[..., 3:7], log[POINT])) if log[POINT].any() else states
 
 
 def logged_pose(log: Array, eta: Array) -> Array:
-    """Return poses (..., 6) with the position of CO replaced by that of the logged reference point."""
+    """Return new poses with the position of CO replaced by that of the logged reference point.
+
+    Args:
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
+        eta: Poses, NED, (..., 6) [m, rad].
+    """
     return _moved(eta, _turned(eta, log[POINT])) if log[POINT].any() else eta
 
 
 def true_pose(log: Array, eta: Array) -> Array:
-    """Return poses (..., 6) with the position of the logged reference point replaced by that of CO."""
+    """Return new poses with the position of the logged reference point replaced by that of CO.
+
+    Args:
+        log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
+        eta: Poses, NED, (..., 6) [m, rad].
+    """
     return _moved(eta, -_turned(eta, log[POINT])) if log[POINT].any() else eta
 
 
@@ -242,17 +256,22 @@ def _spline(t: Array, values: Array, axis: int) -> CubicSpline:
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
-    """Return the admissible range of a DVL delay [s], from 0 to LONGEST_DELAY."""
+    """Return the least (0) and greatest (LONGEST_DELAY) admissible delay of a DVL [s]."""
     return 0.0, LONGEST_DELAY
 
 
 def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a DVL delay in a fit [s]."""
+    """Return the minimum and maximum of a DVL delay in a fit [s].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return room_of_delay(rest.vehicle)
 
 
 def delay_sentence(case: Case) -> str:
-    """State the delay of the DVL velocity."""
+    """Return a sentence that states the delay of the DVL velocity."""
     delay = case.one("d")
     if not delay.clear:
         return undetermined(case, "the delay of the DVL velocity", delay.text("s"))
@@ -262,7 +281,7 @@ def delay_sentence(case: Case) -> str:
 
 
 def scale_sentence(case: Case) -> str:
-    """State the scale error of the DVL velocity, for all axes or for each."""
+    """Return a sentence that states the scale error of the DVL velocity, for all axes or for each."""
     than = "than the file says" if case.in_file else ""
     words = ("higher", "lower") if case.in_file else ("too high", "too low")
 
@@ -302,7 +321,7 @@ LEAST_ANGLE = 0.05
 
 
 def misalignment_sentence(case: Case) -> str:
-    """State the angles by which the DVL is rotated against the body."""
+    """Return a sentence that states the angles by which the DVL is rotated against the body."""
     angles = [one.times(180.0 / np.pi) for one in case.many("alpha", (3,))]
     kept = [
         f"{one.changed('°')} {words[one.change < 0.0]}"
@@ -317,7 +336,7 @@ def misalignment_sentence(case: Case) -> str:
 
 
 def bias_sentence(case: Case) -> str:
-    """State the constant error of the DVL velocity along the body's axes."""
+    """Return a sentence that states the constant error of the DVL velocity along the body's axes."""
     three = case.many("b", (3,))
     pieces = [
         piece.replace(" below", " downward").replace(" above", " upward")

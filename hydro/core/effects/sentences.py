@@ -24,7 +24,7 @@ def sentence(
     *,
     brief: bool = False,
 ) -> str:
-    """State the values of an effect in one or two plain sentences.
+    """Return one or two plain sentences that state the values of an effect.
 
     If the vehicle has the effect, the sentence compares it with the file; else it states what is missing.
 
@@ -38,7 +38,7 @@ def sentence(
             component.
 
     Returns:
-        The sentence, with its full stop.
+        The text, with its full stop.
 
     Raises:
         KeyError: The catalogue has no such effect.
@@ -52,7 +52,7 @@ def sentence(
 
 
 def generic(effect: Effect, case: Case) -> str:
-    """State an effect without a sentence function, by the meanings and units of its parameters."""
+    """Return a sentence on an effect that has no sentence function, by its parameters' meanings and units."""
     noun = effect.name.replace("_", " ")
     given = [one for one in effect.parameters if one.name in case.values or one.name not in effect.one_of]
     by_axis = len(given) == 1 and given[0].shape == (6,)
@@ -83,7 +83,12 @@ def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
 
 
 def place_of(index: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Return words for a component: its axes in a 6-vector or 6x6 matrix, else its number from 1."""
+    """Return words for a component: its axes in a 6-vector or 6x6 matrix, else its number from 1.
+
+    Args:
+        index: Index of the component in the parameter's array.
+        shape: Shape of the array.
+    """
     if not index:
         return ""
     names = [AXES[i] if n == 6 else str(i + 1) for i, n in zip(index, shape, strict=True)]

@@ -24,7 +24,7 @@ LEAST, MOST = 0.5, 1.5
 
 
 def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) -> Shape:
-    """Return the trial shape with one column for each component of a parameter, at given other parameters.
+    """Return a trial shape, a linear problem with one column for each component of a parameter.
 
     Args:
         effect: The effect.
@@ -49,14 +49,16 @@ def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) 
 
 
 def of_sizes(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
-    """Return trial shapes for an effect with one parameter, a shape of one column for each trial value.
+    """Return a function that yields one trial shape of an effect for each trial value of its only parameter.
 
-    A coefficient of 1 of the column means that the parameter has the trial value.
+    A shape is a linear problem, here of one column.  A coefficient of 1 means that the parameter has the
+    trial value.
 
     Args:
         name: The effect.
         parameter: Name of its only parameter.
-        room: Admissible range for a vehicle.  A negative minimum, and half of it, are also tried.
+        room: Function from a vehicle to the parameter's admissible range.  A negative minimum, and half of
+            it, are also tried.
         sizes: Other trial values, none of them 0; those outside the range are skipped.
     """
 

@@ -43,9 +43,11 @@ def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
 
 
 def damping_in_sum(vehicle: Vehicle) -> tuple[Array, Array, Array]:
-    """Return the total linear damping (6, 6), quadratic damping (6,) and cross-flow coefficients (2,).
+    """Return the total linear damping, quadratic damping and cross-flow coefficients of a vehicle.
 
-    Each is the sum over the effects of a vehicle.
+    Returns:
+        Sums over the vehicle's effects: linear damping, (6, 6); quadratic damping, (6,); cross-flow
+        coefficients, (2,).
     """
     linear, quadratic, drag = np.zeros((6, 6)), np.zeros(6), np.zeros(2)
     for effect, p, _ in entries(vehicle):

@@ -80,17 +80,23 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the bounds of a coordinate of the tether's attachment: within a hull length of CO [m]."""
+    """Return the minimum and maximum of a coordinate of the tether's attachment [m]: a hull length from CO.
+
+    Args:
+        index: Not used.
+        rest: Vehicle without the fitted effect, for the length of its hull.
+    """
     return -rest.vehicle.hull.length, rest.vehicle.hull.length
 
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return initial tables of `tether` for anchors in the middle and at the edges of the recorded track.
+    """Return tables of `tether` from which fits start.
 
-    Each anchor has a cable that is always taut, and one that is taut only on the far half of the track.
+    Anchors are in the middle of the recorded track, at its first row and at its edges.  For each anchor one
+    is always taut, and one is taut only on the far half of the track.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: The vehicle, whose weight sets the stiffness.
         reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
     """
     track = np.zeros((1, 3)) if reach is None else reach[:, :3]
@@ -106,11 +112,15 @@ def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
 
 
 def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `tether` without slack, with seven columns.
+    """Yield one trial shape of `tether` without slack, a linear problem with seven columns.
 
     Without slack the force is k (anchor - position), k the stiffness.  It is linear in k and in k times the
     anchor's coordinates.  Columns with anchors in the middle of the track and on three sides represent any
     anchor; three more columns displace the attachment on the body.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])
@@ -132,9 +142,14 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield a trial shape of `tether` for each anchor and slack of `cables`, with four columns.
+    """Yield a trial shape of `tether` for each anchor and slack of `cables`.
 
-    The force is linear in the stiffness k and in k times the attachment's three coordinates.
+    A shape is a linear problem with four columns: the stiffness k, and k times the attachment's three
+    coordinates.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever = LEVER * length
@@ -152,12 +167,12 @@ def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def steady_pull(force: float, way: Array, attachment: Array) -> Table:
-    """Return the table of a tether whose anchor is so far away that its pull is the same everywhere.
+    """Return a new table of a tether whose anchor is so far away that its pull is the same everywhere.
 
     Args:
         force: Pull [N].
         way: Unit vector of the direction, NED, (3,).
-        attachment: Point on the body [m], (3,).
+        attachment: Point on the body, FRD from CO, (3,) [m].
     """
     return _cable(force / FAR, 0.0, attachment, FAR * way)
 
@@ -173,26 +188,38 @@ def _cable(k: float, slack: float, attachment: Array, anchor: Array) -> Table:
 
 
 def shallow_to_deep(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the range of the decay depth that a recording can show [m]."""
+    """Return the least and greatest decay depth that a recording can show [m].
+
+    Args:
+        index: Not used.
+        rest: Not used.
+    """
     return SHALLOWEST, DEEPEST
 
 
 def absent(decay: float) -> Table:
-    """Return a `surface_suction` table with zero force and a decay depth [m]."""
+    """Return a new `surface_suction` table with zero force and a decay depth [m]."""
     return {"name": SURFACE_SUCTION.name, "A": 0.0, "decay": decay}
 
 
 def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield trial shapes of `surface_suction`, one for each decay depth.
+    """Yield a trial shape of `surface_suction`, a linear problem, for each decay depth of DECAYS.
 
-    Their column is the force at the surface.
+    Each shape has one column, the force at the surface.
+
+    Args:
+        vehicle: The vehicle.
+        reach: Not used.
     """
     for decay in DECAYS:
         yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)
 
 
 def tether_sentence(case: Case) -> str:
-    """State stiffness, slack and anchor of a tether, or the constant pull of a distant anchor."""
+    """Return a sentence that states stiffness, slack and anchor of a tether, or a constant pull.
+
+    A pull is constant if the anchor is farther away than STEADY.
+    """
     stiffness, slack = case.one("k"), case.one("slack")
     anchor, point = case.many("anchor", (3,)), case.many("attachment", (3,))
     if case.in_file:
@@ -218,7 +245,13 @@ def tether_sentence(case: Case) -> str:
 
 
 def direction(north: float, east: float, down: float) -> str:
-    """Name a direction in the world: `toward 323° (NW)`, `20° downward toward 323° (NW)`, or `downward`."""
+    """Return words for a direction: `toward 323° (NW)`, `20° downward toward 323° (NW)`, or `downward`.
+
+    Args:
+        north: Component toward north, in any unit.
+        east: Component toward east, in the same unit.
+        down: Component downward, in the same unit.
+    """
     level, tilt = math.hypot(north, east), math.degrees(math.atan2(abs(down), math.hypot(north, east)))
     vertical = "downward" if down > 0.0 else "upward"
     if not level or tilt > STEEP:
@@ -227,7 +260,11 @@ def direction(north: float, east: float, down: float) -> str:
 
 
 def fixed_point(point: Sequence[Quantity]) -> str:
-    """Return words for a point of the world by its distances from the NED origin: `3 m north`."""
+    """Return words for a point of the world by its distances from the NED origin: `3 m north`.
+
+    Args:
+        point: Its three coordinates north, east and down [m], with standard errors.
+    """
     sides = (("north", "south"), ("east", "west"), ("down", "up"))
     return listed(
         [
@@ -238,7 +275,7 @@ def fixed_point(point: Sequence[Quantity]) -> str:
 
 
 def suction_sentence(case: Case) -> str:
-    """State the force at the surface and its decay depth."""
+    """Return a sentence that states the force at the surface and its decay depth."""
     force, decay = case.one("A"), case.one("decay")
     if case.in_file:
         entries = [

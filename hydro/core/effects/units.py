@@ -39,7 +39,10 @@ BASE = {
 
 
 def dimension(unit: str) -> Dimension:
-    """Return the powers of a unit such as `N s^3/m^3`: factors separated by blanks, divisors after a slash.
+    """Return the powers of kg, m, s and rad in a unit such as `N s^3/m^3`.
+
+    Args:
+        unit: Factors separated by blanks, divisors after a slash.
 
     Raises:
         ValueError: A factor is not one of `BASE` with a whole exponent.
@@ -60,6 +63,13 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
     With the vehicle's mass m and mean moment of inertia J, inertia and damping of the unit kg m^b s^c scale
     with m for b <= 0, sqrt(m J) for b = 1 and J for b = 2.  Static forces scale with the weight, lengths with
     the hull's length.
+
+    Args:
+        unit: Unit as in the catalogue, such as `N s/m`.
+        vehicle: The vehicle.
+
+    Returns:
+        The size, in that unit.
     """
     mass, length, time, angle = dimension(unit)
     if mass == 1 and time == -2:
@@ -72,12 +82,12 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
 
 
 def of_mass(share: float) -> Size:
-    """Return a function from a vehicle to a share of its mass."""
+    """Return a function from a vehicle to `share` times its mass [kg]."""
     return lambda vehicle: share * _inertia(0, vehicle)
 
 
 def of_mixed(share: float) -> Size:
-    """Return a function from a vehicle to a share of sqrt(m J), m its mass, J its mean moment of inertia.
+    """Return a function from a vehicle to `share` times sqrt(m J), m its mass, J its mean moment of inertia.
 
     This is the significant size of couplings between a force and a moment.
     """
@@ -85,12 +95,12 @@ def of_mixed(share: float) -> Size:
 
 
 def of_moment(share: float) -> Size:
-    """Return a function from a vehicle to a share of its mean moment of inertia."""
+    """Return a function from a vehicle to `share` times its mean moment of inertia [kg m^2]."""
     return lambda vehicle: share * _inertia(2, vehicle)
 
 
 def of_weight(share: float) -> Callable[[Vehicle], float]:
-    """Return a function from a vehicle to a share of its weight."""
+    """Return a function from a vehicle to `share` times its weight [N]."""
     return lambda vehicle: share * vehicle.rigid_body.mass * vehicle.environment.gravity
 
 

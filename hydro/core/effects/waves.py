@@ -202,7 +202,7 @@ def swung(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
 
 
 def waves_sentence(case: Case) -> str:
-    """State height, period and direction of the waves."""
+    """Return a sentence that states height, period and direction of the waves."""
     height, period, way = case.one("height"), case.one("period"), case.one("direction")
     if case.in_file:
         entries = [

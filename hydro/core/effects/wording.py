@@ -34,7 +34,7 @@ def known(error: float) -> bool:
 
 
 def superscript(unit: str) -> str:
-    """Write the exponents of a unit as superscripts: `N s^2/m^2` as `N s²/m²`, `1` as nothing."""
+    """Return a unit with its exponents as superscripts: `N s²/m²` for `N s^2/m^2`; an empty text for `1`."""
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
@@ -54,7 +54,7 @@ def decimals(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> 
 
 
 def plain(value: float, places: int) -> str:
-    """Write a number with `places` decimals; very large and very small numbers with a power of ten."""
+    """Return a number as text with `places` decimals; very large and small numbers with a power of ten."""
     if value and (abs(value) >= 1e6 or (abs(value) < 1e-3 and places > 5)):
         mantissa, _, power = f"{value:.1e}".partition("e")
         return f"{mantissa}e{int(power)}"
@@ -63,13 +63,25 @@ def plain(value: float, places: int) -> str:
 
 
 def number(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> str:
-    """Write a value rounded to its standard error, or to three significant digits if the error is unknown."""
+    """Return a value as text, rounded to its standard error, or to `most` digits if that is unknown.
+
+    Args:
+        value: The value.
+        error: Its standard error; NaN, 0 and infinity mean unknown.
+        most: Maximum number of significant digits.
+    """
     text = plain(value, decimals(value, error, most))
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text and not known(error) else text
 
 
 def uncertainty(value: float, error: float, most: int = MOST_DIGITS) -> str:
-    """Write a standard error, rounded up to the last digit that its value shows; nothing if unknown."""
+    """Return a standard error as text, rounded up to the last digit that its value shows.
+
+    Args:
+        value: The value.
+        error: Its standard error; the text is empty if the error is unknown (NaN, 0 or infinite).
+        most: Maximum number of significant digits of the value.
+    """
     if not known(error):
         return ""
     places = decimals(value, error, most)
@@ -77,7 +89,7 @@ def uncertainty(value: float, error: float, most: int = MOST_DIGITS) -> str:
 
 
 def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
-    """Write a value with its unit and standard error: `0.25 m/s (±0.01)`, `65 % (±2)`, `3.0° (±0.2)`.
+    """Return text with a value, its unit and standard error: `0.25 m/s (±0.01)`, `65 % (±2)`, `3.0° (±0.2)`.
 
     Args:
         value: The value, in `unit`.
@@ -90,7 +102,7 @@ def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
 
 
 def without_uncertainty(text: str) -> str:
-    """Return a sentence without its standard errors and the values of the file."""
+    """Return a sentence without the brackets that hold standard errors and the values of the file."""
     return UNCERTAINTY.sub("", text)
 
 
@@ -100,7 +112,7 @@ def capital(text: str) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Join words by commas, the last by `and`."""
+    """Return words joined by commas, the last by `and`."""
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
@@ -136,7 +148,13 @@ def compass(north: float, east: float) -> str:
 
 
 def sides(x: float, y: float, z: float) -> tuple[str, str, str]:
-    """Name the side of each component of a body vector, FRD, as in `forward`, `to port`, `below`."""
+    """Return words for the side of each component of a body vector, such as `forward`, `to port`, `below`.
+
+    Args:
+        x: Component forward; only its sign counts.
+        y: Component to starboard.
+        z: Component downward.
+    """
     return (
         "forward" if x > 0.0 else "aft",
         "to starboard" if y > 0.0 else "to port",
@@ -147,7 +165,7 @@ def sides(x: float, y: float, z: float) -> tuple[str, str, str]:
 def place(
     point: Sequence[float], errors: Sequence[float] = (math.nan,) * 3, origin: str = "the origin"
 ) -> str:
-    """Describe a point of the body: `0.22 m forward, 0.10 m below the origin`.
+    """Return words for a point of the body: `0.22 m forward, 0.10 m below the origin`.
 
     Args:
         point: x y z from the body origin [m], FRD.

@@ -18,7 +18,12 @@ INTERVAL = (2.5, 97.5)
 
 
 def block_sums(values: Array, size: int) -> Array:
-    """Sum the N rows of K columns over B blocks of `size` rows, (B, K); the last block may be shorter."""
+    """Return the sums of each column over blocks of consecutive rows, (B, K).
+
+    Args:
+        values: Values of K columns in N rows, (N, K).
+        size: Rows of a block; the last of the B blocks may be shorter.
+    """
     sums: Array = np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
     return sums
 
@@ -68,5 +73,9 @@ def weights(blocks: int, samples: int, seed: int) -> Array:
 
 
 def interval(drawn: Array) -> Array:
-    """Return lower and upper end of the 95 % interval of S bootstrap values (S, ...), shape (2, ...)."""
+    """Return the lower and the upper end of the 95 % interval of bootstrap values, (2, ...).
+
+    Args:
+        drawn: Values of S resamples, (S, ...).
+    """
     return np.percentile(drawn, INTERVAL, axis=0)

@@ -56,7 +56,7 @@ def compare(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Compare a vehicle's predictions with a recording.
+    """Return a comparison of a vehicle's predictions with a recording, as a table.
 
     Args:
         vehicle: Vehicle file.

@@ -59,6 +59,8 @@ class Place:
 def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family]) -> list[Place]:
     """Rank the conditions in which a model fails, the largest share of the unexplained error first.
 
+    The unexplained error is the squared error above what noise alone causes.
+
     Args:
         unexplained: Share of all unexplained error in each of P pieces of time and on each of A axes, (P, A).
             Noise may make a share negative; the sum is at most 1.
@@ -67,8 +69,8 @@ def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family
         families: Families of conditions that are searched.
 
     Returns:
-        Places whose shares do not overlap.  Then, for each axis on which much error remains, a place that
-        stands for all other times.  The shares sum to 1 at most.
+        A new list of places whose shares do not overlap.  Then, for each axis on which much error remains, a
+        place that stands for all other times.  The shares sum to 1 at most.
     """
     tried = [c for c in conditions(families) if len(c.family.words) <= MOST_SESSIONS]
     search = _Search(tried, rows, block % 2 == 0, unexplained)

@@ -48,14 +48,14 @@ def force(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit, Family]:
-    """Return sums, over pieces of time, of the squared wrench that the model lacks.
+    """Return sums, over pieces of time, of the squared wrench that a model lacks in a recording.
 
     Args:
         model: Model.
         record: Recording.
         motion: Smoothed motion of the recording.
         pieces: Pieces of time over which squares are summed.
-        seed: Seed of the noise.
+        seed: Seed of the noise from which the error due to noise alone is computed.
         weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
@@ -140,10 +140,10 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return noise like that of slow sensors: values in rows without a sample are interpolated.
+    """Return simulated noise in which rows without a sample are interpolated, as for slow sensors.
 
     Args:
-        noise: Noise of 12 channels in N rows, (N, 12).
+        noise: Noise of 12 channels in N rows, (N, 12); it is not changed.
         record: Recording, for the rows with a sample of each channel.
 
     Returns:

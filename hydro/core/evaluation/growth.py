@@ -71,7 +71,7 @@ def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None)
 
 
 def without_hull_water(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle without damping, drag and lift on its hull."""
+    """Return a copy of a vehicle without damping, drag and lift on its hull."""
 
     def stays(name: str) -> bool:
         effect = CATALOGUE[name]

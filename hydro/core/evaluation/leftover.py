@@ -150,7 +150,7 @@ class Means:
 
     @classmethod
     def of(cls, force: Array, velocity: Array, counted: Mask, pieces: Pieces) -> Means:
-        """Average force and velocity over the rows with samples of each piece.
+        """Return the means of force and velocity over the rows with samples of each piece.
 
         Pieces without such a row are left out.
 
@@ -168,10 +168,12 @@ class Means:
         return cls(force, velocity, rows[some], pieces.block[some])
 
     def code(self, against: int) -> Rows:
-        """Return the number of each piece's bin, (P,); bins of velocity `against` have equal counts.
+        """Return the number of the bin of velocity in which each of P pieces lies, (P,), from 0.
+
+        The bins have equal counts of pieces.
 
         Args:
-            against: Velocity component, 0 to 5.
+            against: Velocity component, 0 to 5 for u to r.
         """
         speed = self.velocity[:, against]
         edges = np.quantile(speed, np.arange(1, BINS) / BINS)
@@ -179,16 +181,21 @@ class Means:
         return code
 
     def explained(self, axis: int, against: int) -> float:
-        """Return the share of the force variance on `axis` that bins of the velocity `against` explain."""
+        """Return the fraction of the variance of a force that bins of a velocity explain.
+
+        Args:
+            axis: Axis of the force, 0 to 5 for X to N.
+            against: Velocity component, 0 to 5 for u to r.
+        """
         force, code = self.force[:, axis], self.code(against)
         within = sum(np.var(force[code == one]) * np.mean(code == one) for one in np.unique(code))
         return float(1.0 - within / max(float(np.var(force)), 1e-300))
 
     def worth_showing(self) -> list[tuple[int, int]]:
-        """Return the pairs (force axis, velocity axis) to show, 0 to 5.
+        """Return the pairs of a force axis (0 to 5) and a velocity component (0 to 5) to show.
 
-        Each force axis is shown with its own velocity, and also with another velocity that explains clearly
-        more.
+        Each force is shown against the velocity on its own axis, and also against another velocity that
+        clearly more of the force's variance.
         """
         pairs = [(axis, axis) for axis in range(6)]
         for axis in range(6):
@@ -250,7 +257,9 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
-    """Return a mask of the bins whose force differs from zero, at a 5 % family-wise error rate (Bonferroni).
+    """Return a mask of the bins whose force differs from zero, one value for each row.
+
+    The family-wise error rate over all rows is 5 % (Bonferroni).
 
     Args:
         bins: Rows of a leftover table; a row without an interval never differs.

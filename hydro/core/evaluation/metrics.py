@@ -1,7 +1,7 @@
-"""Errors of a model per axis, with block-bootstrap intervals, and the single figures of the paper.
+"""Errors of a model per axis, with block-bootstrap intervals, and the single figures of Deep Hydro-Sim.
 
-The paper (Table II) combines newtons and newton metres: its RMSE and MAE are over all rows and all six axes.
-Here these have the axis `all`, and the mean of R^2 over the axes has the axis `mean`.
+Table II of that paper (Wu et al.) combines newtons and newton metres: its RMSE and MAE are over all rows and
+all six axes.  Here these have the axis `all`, and the mean of R^2 over the axes has the axis `mean`.
 """
 
 from __future__ import annotations
@@ -91,11 +91,12 @@ def measure(
 
 
 def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, float, str]]) -> pl.DataFrame:
-    """Return rows of a metrics table.
+    """Return a new metrics table with one row for each given line.
 
     Args:
         subject: Model, dataset and variant, which every row names.
-        lines: Axis, metric, value, ends of the value's interval (NaN without an interval) and unit.
+        lines: For each row axis, metric, value, lower and upper end of the value's 95 % interval (NaN without
+            an interval) and unit.
     """
     table = pl.DataFrame(
         list(lines),
@@ -117,7 +118,12 @@ def _interval(drawn: Array | None) -> tuple[float, float]:
 
 
 def consecutive(rows: int, length: int) -> NDArray[np.int64]:
-    """Return the block number of each of `rows` rows, in blocks of `length`; the last has the remainder."""
+    """Return the number of the block, from 0, that holds each row of a table, (rows,).
+
+    Args:
+        rows: Number of rows.
+        length: Rows of a block; the last block also has the remainder.
+    """
     return np.minimum(np.arange(rows) // length, max(rows // length, 1) - 1)
 
 

@@ -54,10 +54,10 @@ class Misfit:
 
 
 def counted(values: Array, seen: Mask | None) -> Array:
-    """Return values of C channels in N rows, (N, C), set to 0 where there is no sample.
+    """Return values with 0 where there is no sample, (N, C); the argument is not changed.
 
     Args:
-        values: The values, (N, C).
+        values: Values of C channels in N rows, (N, C).
         seen: Mask of the samples, (N, C); None if every value is a sample.
     """
     return values if seen is None else values * seen

@@ -64,7 +64,7 @@ class Pieces:
 
     @classmethod
     def of(cls, record: Recording) -> Pieces:
-        """Cut a recording into pieces and blocks."""
+        """Cut a recording into pieces of a fifth of a second, and into blocks of many pieces."""
         rows = max(round(PIECE_SECONDS / record.dt), 1)
         length = min(BLOCK_SECONDS, record.rows * record.dt / LEAST_DRAWN)
         within = max(round(length / (rows * record.dt)), 1)
@@ -80,7 +80,11 @@ class Pieces:
         return cls(np.concatenate(starts), np.concatenate(block), np.concatenate(segment))
 
     def total(self, values: Array) -> Array:
-        """Return sums over each of P pieces of values in N rows, (N, ...) -> (P, ...)."""
+        """Return the sums of values over each of the P pieces, (P, ...).
+
+        Args:
+            values: Values in each row of the recording, (N, ...).
+        """
         sums: Array = np.add.reduceat(values, self.starts, axis=0)
         return sums
 

@@ -44,7 +44,7 @@ class Leftover:
     powers: tuple[float | None, ...] = (None,) * len(VELOCITY)
 
     def words(self) -> str:
-        """Return axis, place and growth with speed, in words."""
+        """Return a phrase with the wrench's main axis, its place and its growth with speed."""
         if self.axis is None:
             return "the residual is noise in the forces: check the log's sensors"
         text = f"mostly {self.name} ({self.share:.0%} of it)"
@@ -57,7 +57,7 @@ class Leftover:
         return f"{text}; it does not grow with speed"
 
     def growing(self) -> str:
-        """Return words for the growth with each velocity, the steepest first; empty without growth."""
+        """Return a phrase on the growth with each velocity, the steepest first; empty without growth."""
         told = ", ".join(f"{VELOCITY[i]} to the power {self.powers[i]:.1f}" for i in self._steepest())
         return f"; by velocities, it grows with {told}" if told else ""
 
@@ -120,11 +120,14 @@ def leftover(vehicle: Vehicle, record: Recording, sessions: Sequence[str], seed:
 
 
 def growth(speed: Array, square: Array) -> float | None:
-    """Fit the exponent n in force ~ speed^n to means over speed bins; None if the data do not show n.
+    """Return the exponent n in force ~ speed^n, fitted to means over bins of speed.
 
     Args:
         speed: Speed in each of P pieces of time [m/s], (P,).
         square: Mean squared force beyond the noise in each piece, (P,).
+
+    Returns:
+        The exponent; None with too few pieces, or if the bins hardly differ in speed.
     """
     if len(speed) < SPEED_BINS**2:
         return None

@@ -119,7 +119,10 @@ class Ahead:
         self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Return the root mean square error of a vehicle's velocity AHEAD seconds ahead, over all axes [m/s].
+        """Return the error of a vehicle's velocity in predictions of AHEAD seconds [m/s].
+
+        It is the root mean square over all rows of the predictions and over all axes, weighted by the inertia
+        the first vehicle.
 
         Raises:
             DataError: No session lasts AHEAD seconds without a gap.
@@ -216,12 +219,12 @@ def _predictions(
 
 
 def last_samples(errors: Array, seen: Mask | None) -> Array:
-    """Return the errors at the end of S predictions, (S, C).
+    """Return the errors at the end of each of S predictions, (S, C).
 
     Args:
         errors: Errors of S predictions of K rows in C channels, (S, K, C).
-        seen: Which errors belong to samples, (S, K, C).  The last sample of a channel then counts instead of
-            the last row, and a channel without samples gives NaN.
+        seen: Which errors belong to samples, (S, K, C); None if all do.  The last sample of a channel then
+            counts instead of the last row, and a channel without samples gives NaN.
     """
     if seen is None:
         return np.asarray(errors[:, -1])

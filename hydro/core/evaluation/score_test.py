@@ -47,7 +47,13 @@ class Evidence:
 
     @classmethod
     def of(cls, normal: Normal) -> Evidence:
-        """Return a problem with columns scaled to unit size, without pieces whose prediction diverges."""
+        """Return a linearised problem scaled to columns of unit size.
+
+        Pieces whose prediction diverges are left out.
+
+        Args:
+            normal: The linearised problem; it is not changed.
+        """
         kept = np.isfinite(normal.gram[:, -1, -1])
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
@@ -62,7 +68,15 @@ class Evidence:
         return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
-        """Return the least-squares coefficients of a fit of p columns alone, times their `size`, (p,)."""
+        """Return the coefficients of a least-squares fit of given columns alone, (p,).
+
+        Args:
+            columns: Indices of the p columns.
+
+        Returns:
+            Coefficients of the columns of unit size, that is, those of the original columns times their
+            `size`.
+        """
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
@@ -70,8 +84,8 @@ class Evidence:
         """Return how much a group of columns reduces the squared residual, in addition to given columns.
 
         Args:
-            given: Columns in the model already.
-            group: Columns of the group.
+            given: Indices of the columns in the model already.
+            group: Indices of the columns of the group.
         """
         return self._explained([*given, *group]) - self._explained(given)
 
@@ -81,7 +95,11 @@ class Evidence:
         return 1.0 - self._explained(range(len(self.size))) / float(self.error.sum())
 
     def scores(self, columns: Columns) -> Array:
-        """Return X^T e of each piece for p columns, e the residual of their joint fit, (S, p)."""
+        """Return X^T e of each of S pieces, (S, p), with the residual e after a joint fit of given columns.
+
+        Args:
+            columns: Indices of the p columns.
+        """
         found, matrix = self.solve(columns), self.matrix[:, columns][:, :, columns]
         left: Array = self.score[:, columns] - matrix @ found
         return left
@@ -93,11 +111,11 @@ class Evidence:
         return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
 
     def covariance(self, given: Columns, group: Columns, scale: float) -> Array:
-        """Return the covariance of the coefficients of a group of p columns, (p, p), in the problem's units.
+        """Return the covariance of the coefficients of a group of columns, (p, p), in the parameters' units.
 
         Args:
-            given: Columns in the model already.
-            group: The p columns.
+            given: Indices of the columns in the model already.
+            group: Indices of the p columns.
             scale: Mean square of the residual; below 1 it counts as 1.
         """
         both, size = [*given, *group], self.size[list(group)]

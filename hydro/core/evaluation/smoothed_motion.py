@@ -45,7 +45,7 @@ class Motion:
 
     @classmethod
     def of(cls, record: Recording) -> Motion:
-        """Smooth a recording, with its noise estimated from the recording itself.
+        """Return the smoothed motion of a recording, with the noise estimated from the recording itself.
 
         Raises:
             DataError: A segment has a single row, or none has eight.

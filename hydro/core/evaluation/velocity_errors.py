@@ -48,7 +48,7 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
 
     Args:
         vehicle: Vehicle.
-        ahead: Shots to predict; they start at the logged motion.
+        ahead: Shots, short stretches of a recording, to predict; predictions start at the logged motion.
     """
     count = len(ahead.starts)
     if not count:
@@ -59,7 +59,11 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
 
 
 def squares_at_rest(ahead: Shots) -> Squares:
-    """Return the squared velocity errors over shots of the prediction that the vehicle stands still."""
+    """Return the squared velocity errors over shots if the prediction is that the vehicle stands still.
+
+    Args:
+        ahead: Shots, short stretches of a recording, to predict.
+    """
     states = np.repeat(ahead.first[:, None], ahead.measured.shape[1], axis=1)
     states[..., 7:] = 0.0
     return _squares(states, ahead)
@@ -84,7 +88,7 @@ def _squares(predicted: Array, shots: Shots) -> Squares:
 
 
 def axes_by_distance(record: Recording) -> Rows:
-    """Return the linear axes (0 to 2) whose position has samples but whose velocity has no samples."""
+    """Return the numbers (0 to 2) of the linear axes with samples of position but none of velocity."""
     if record.seen is None:
         return np.zeros(0, np.int64)
     shown = np.asarray(record.seen.any(axis=0), bool)

@@ -42,7 +42,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def read(cls, comparison: pl.DataFrame) -> Weights:
-        """Return the weights in a comparison table; 0 for an axis without errors in the table."""
+        """Return the weights that a comparison table contains; 0 for an axis without errors in the table."""
         rows = comparison.filter(pl.col("level").is_in(["force", "replay"]), by="all")
         known = dict(rows.select("axis", "weight").drop_nulls().iter_rows())
         return cls(*(np.array([known.get(axis, 0.0) for axis in axes]) for axes in (WRENCH, VELOCITY, POSE)))

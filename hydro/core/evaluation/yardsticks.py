@@ -97,7 +97,7 @@ class Yardstick:
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame) -> Yardstick:
-        """Fit the predictors to a training recording, with the weights of a vehicle file.
+        """Return the predictors fitted to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
@@ -110,7 +110,7 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors to a training recording, with the weights of a vehicle file.
+        """Return the predictors fitted to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
@@ -120,7 +120,7 @@ class Yardstick:
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit the predictors by cross-validation to the recording on which they will be judged.
+        """Return the predictors fitted by cross-validation to the recording on which they will be judged.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
         another recording, call `of_others` on the result.
@@ -136,7 +136,7 @@ class Yardstick:
 
     @property
     def of_others(self) -> Yardstick:
-        """Yardstick for predictions of another recording, from the fit to the whole training recording."""
+        """A new yardstick for predictions of another recording, from the fit to the whole training one."""
         return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(
@@ -149,10 +149,11 @@ class Yardstick:
             motion: Smoothed motion of the recording.
             pieces: Pieces of time over which squares are summed.
             horizon: Length of a prediction [s].
-            velocity: Velocity errors of the model at the same horizon.
+            velocity: Velocity errors of the model at the same horizon, whose weights, counts and errors due
+                noise the result repeats.
 
         Returns:
-            Name and errors of each predictor.
+            A list with the name and the errors of each predictor.
         """
         starts, _, lengths = laid(record, horizon)
         rows = starts[:, None] + np.arange(lengths[0])
@@ -197,7 +198,7 @@ class Yardstick:
 
 
 def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
-    """Return the part of the least-squares fit of an axis that lowers its squared residual most, in words.
+    """Return words for the part of the least-squares fit of an axis that lowers its squared residual most.
 
     Each part is removed in turn and all other parts are refitted: cross terms, the delay, the command scale
     (set to the file's inertia) and the damping.
@@ -236,7 +237,11 @@ def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
 
 
 def column(predictor: str) -> str:
-    """Return the name of the column with the errors of a simple predictor in the table of `hydro explain`."""
+    """Return the name of a simple predictor's column of errors in the table of `hydro explain`.
+
+    Args:
+        predictor: Name of the predictor, such as "zero velocity"; the column is `zero_velocity`.
+    """
     return predictor.replace(" ", "_")
 
 
@@ -267,11 +272,14 @@ def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Arra
 
 
 def lost(errors: pl.DataFrame) -> list[tuple[str, str]]:
-    """Return the axes on which a model predicts worse than a simple predictor: (axis, best simple predictor).
+    """Return the axes on which a model predicts clearly worse than a simple predictor.
 
     Args:
         errors: Table with `axis`, `predictor`, and the root mean square errors `model` and `simple`, JUDGED
             seconds ahead.
+
+    Returns:
+        For each such axis, one of `u` to `r`, its name and the name of the best simple predictor.
     """
     behind = errors.filter(pl.col("axis").is_in(VELOCITY), pl.col("model") > LOST * pl.col("simple"))
     first = behind.sort("simple").unique("axis", keep="first", maintain_order=True)

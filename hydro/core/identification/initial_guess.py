@@ -51,18 +51,21 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
 
 
 def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost: float) -> tuple[Array, ...]:
-    """Return other initial values (P,) that may lead to a smaller cost, one for each effect of the file.
+    """Return other initial values of the components that may lead to a smaller cost.
 
     A fit that starts from wrong values of the file may end in a local minimum: for example, with a tether
     whose anchor is wrong by the tether's length, or with a delay that does not exist.  So all trial shapes of
     each nonlinear effect are tried, too.
 
     Args:
-        unknown: The free components.
+        unknown: The P free components.
         values: Fitted values of the components, (P,).
-        problem: What is fitted.
-        reach: Positions and times of the recording, (N, 4).
+        problem: Least-squares problem that is fitted.
+        reach: Positions [m] and times [s] in the N rows of the recording, (N, 4).
         cost: Sum of squares at `values`; only guesses with a smaller predicted cost are returned.
+
+    Returns:
+        At most one vector of initial values, (P,), for each nonlinear effect of the file, the best first.
     """
     here, found = replace(unknown, vehicle=unknown.at(values), starts=(values,)), []
     for name in _curved(unknown):

@@ -63,7 +63,11 @@ class Prior:
         return cls(start, np.full(len(start), PRIOR**-2))
 
     def cost(self, x: Array) -> float:
-        """Return the prior's sum of squares for values x (P,), in units of the components' scales."""
+        """Return the sum of squared deviations of values from the prior's mean, times its information.
+
+        Args:
+            x: Values in units of the components' scales, (P,).
+        """
         return float((self.information * (x - self.centre) ** 2).sum())
 
 
@@ -75,13 +79,29 @@ class Problem(Protocol):
     """Protocol of a least-squares problem whose parameters are numbers of a vehicle file."""
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the problem about a vehicle."""
+        """Return the problem linearised about a vehicle.
+
+        Args:
+            base: The vehicle.
+            moved: Copies of the vehicle with one changed parameter each.
+            steps: Size of each change, in the unit of the problem's parameters.
+        """
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Problem]:
-        """Return the sum of squares after a step, and the problem with its internal unknowns updated."""
+        """Return the sum of squares after a step, and a problem with its internal unknowns updated.
+
+        Args:
+            vehicle: Vehicle after the step.
+            step: Step of the P parameters, (P,).
+            normal: Problem linearised before the step.
+        """
 
     def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
-        """Return the problem with weights that fit its residuals, and whether the weights changed."""
+        """Return a problem with weights that fit its residuals, and whether the weights changed.
+
+        Args:
+            normal: Problem linearised at the present estimate.
+        """
 
 
 def descend(
@@ -97,21 +117,21 @@ def descend(
     """Minimise the cost by Levenberg-Marquardt iterations within bounds, in units of the components' scales.
 
     The iteration ends when a step lowers the cost by too little.  The limit is `enough` times the reduced
-    chi-square, or `share` of the cost in excess of the noise, whichever is larger.
+    chi-square, or `share` times the cost in excess of the noise, whichever is larger.
 
     Args:
         unknown: The P free components.
         start: Initial values, (P,).
         problem: The problem.
         iterations: Maximum number of steps.
-        enough: Limit of the gain, see above.
-        share: Limit of the gain as a share, see above.
+        enough: Factor of the reduced chi-square in the limit of the gain.
+        share: Factor of the cost in excess of the noise in that limit.
         prior: Prior of the values; by default a weak one.
         normal: Problem linearised at `start`, if available.
 
     Returns:
-        Values, (P,); the problem linearised at the values; and the problem with its internal unknowns
-        updated.
+        Values in the components' units, (P,); the problem linearised at the values; and the problem with its
+        internal unknowns updated.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
@@ -157,7 +177,13 @@ def _stayed(unknown: Free, x: Array, problem: Problem, normal: Normal) -> tuple[
 
 
 def linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
-    """Linearise the problem about x (P,) in scales, with one-sided differences within the bounds."""
+    """Return a least-squares problem linearised by one-sided differences within the components' bounds.
+
+    Args:
+        unknown: The P free components.
+        x: Values about which to linearise, in units of the components' scales, (P,).
+        problem: The problem.
+    """
     here = unknown.within(x * unknown.scales)
     return problem.linearise(unknown.at(here), *moved(unknown, here))
 
@@ -167,7 +193,10 @@ def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
 
     Args:
         unknown: The P free components.
-        here: Values in units of the components' scales, (P,).
+        here: Values of the components, in their units, (P,).
+
+    Returns:
+        The vehicles, and the signed sizes of their changes in units of the components' scales.
     """
     vehicles, steps, (_, high) = [], [], unknown.bounds
     for i, entry in enumerate(unknown.entries):
@@ -180,10 +209,17 @@ def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
 
 
 def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
-    """Return the squared residual that p columns explain, and their coefficients, (p,), others fixed.
+    """Return the squared residual that some columns explain, and their coefficients, with all others fixed.
 
     Directions that the recording does not determine, such as two thrusters with equal commands, stay
     unchanged.
+
+    Args:
+        normal: Linearised problem.
+        columns: Indices of the p columns.
+
+    Returns:
+        Reduction of the squared residual, and coefficients, (p,).
     """
     chosen = list(columns)
     known = normal.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
@@ -194,10 +230,20 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
 
 
 def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 0.0) -> Array:
-    """Return values (P,) in which every component that acts in steps is at its best value on a line search.
+    """Return values in which every component that acts in steps is at its best value on a line search.
 
-    At each trial value, all other components follow the linearised problem.  The search ends at the
-    component's resolution, or at the spacing `narrowest` in units of its scale.
+    Such a component, for example a dead band, has a cost with corners.  At each trial value, all other
+    components follow the linearised problem.
+
+    Args:
+        unknown: The P free components.
+        values: Initial values, (P,).
+        problem: The problem.
+        narrowest: Spacing of trial values at which the search ends, in units of the component's scale; it
+            at the component's resolution if that is wider.
+
+    Returns:
+        New values, (P,).
     """
     low, high = unknown.bounds
     for i, entry in enumerate(unknown.entries):
@@ -230,10 +276,17 @@ def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
 
 
 def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Normal:
-    """Linearise at the best values; for components that act in steps, over sqrt(26) standard errors.
+    """Return the problem linearised at the best values, with wide differences where components act in steps.
 
-    The module explains this width of the difference.  Widths are tried from wide to narrow.  The loop ends at
-    a width that contains no row of commands.
+    For such a component, for example a dead band, the difference is sqrt(26) standard errors wide, for which
+    the module gives the reason.  Widths are tried from wide to narrow.  The loop ends at a width that
+    no row of commands.
+
+    Args:
+        unknown: The P free components.
+        values: Best values, (P,).
+        normal: The problem linearised at the values with plain differences.
+        problem: The problem.
     """
     stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
     before = errors_of(normal)
@@ -261,7 +314,7 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Return standard errors (P,) that include the uncertainty of some components beyond linearity.
+    """Return standard errors that include the uncertainty of given components beyond linearity, (P,).
 
     An undetermined exponent makes its coefficient far more uncertain than the local curvature shows, since a
     drag with another exponent may imitate a quadratic one.  Each such component is set to each offset of
@@ -269,7 +322,7 @@ def profiled(
     variance of a value is the mean variance of the fits plus the variance between them.
 
     Args:
-        unknown: The components.
+        unknown: The P free components.
         values: Best values, (P,).
         normal: The problem linearised at the values.
         problem: The fitted problem.
@@ -316,6 +369,6 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
 
 
 def errors_of(normal: Normal) -> Array:
-    """Return the standard errors in units of the components' scales, (P,)."""
+    """Return the standard errors of the P parameters of a linearised problem, in units of their scales."""
     count = normal.score.shape[1]
     return np.asarray(np.sqrt(np.diag(covariance(normal, np.full(count, PRIOR**-2)))))

@@ -86,7 +86,12 @@ class Fit:
         return tuple(tables)
 
     def table(self, effect: str) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return values and standard errors of one fitted effect, see `tables`.
+        """Return values and standard errors of one fitted effect, as two dictionaries by parameter.
+
+        Values are rounded as in `tables`; parameters that another one replaces are left out.
+
+        Args:
+            effect: Name of the effect.
 
         Raises:
             KeyError: The effect was not fitted.
@@ -118,7 +123,10 @@ class Fit:
         return np.array([round(value, digits) for value, digits in pairs])
 
     def frame(self) -> pl.DataFrame:
-        """Return one row per component: parameter, value, standard_error, unit, determined."""
+        """Return a table with a row for each component.
+
+        Its columns are `parameter`, `value`, `standard_error`, `unit` and `determined` (by the data).
+        """
         entries = self.free.entries
         return pl.DataFrame(
             {
@@ -139,7 +147,7 @@ def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
 
 
 def information(normal: Normal) -> Array:
-    """Return X^T X of all pieces plus the prior information, (P, P)."""
+    """Return X^T X of all pieces, with the columns X, plus the prior information, (P, P)."""
     information = normal.matrix.sum(axis=0)
     total: Array = information + PRIOR**-2 * np.eye(len(information))
     return total

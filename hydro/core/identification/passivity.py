@@ -46,12 +46,23 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
 
 
 def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
-    """Return a mask of the components that belong to a sum that must be positive semi-definite, (P,)."""
+    """Return a mask of the components that belong to a sum that must be positive semi-definite, (P,).
+
+    The sums are total added mass and total linear damping.
+
+    Args:
+        unknown: The P components.
+    """
     return np.asarray(_answers(unknown, unknown.starts[0]).any(axis=(1, 2, 3)))
 
 
 def accepted(unknown: Free, values: Array) -> bool:
-    """Return whether added mass and damping with these values (P,) pass `effects.validate`."""
+    """Return whether a vehicle with given values passes all checks of `effects.sums.validate`.
+
+    Args:
+        unknown: The P components.
+        values: Their values, (P,).
+    """
     try:
         validate(unknown.at(values))
     except DataError:

@@ -48,17 +48,28 @@ class Change:
 
 
 def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return the prior standard deviations of components of a vehicle file, in their units, (P,).
+    """Return the prior standard deviation of each component of a vehicle file, in its unit, (P,).
 
-    They are the file's `standard_error`; EXACTLY for components marked as known; and KNOWN, relative to the
+    It is the file's `standard_error`; EXACTLY for components marked as known; and KNOWN, relative to the
     value, otherwise.
+
+    Args:
+        file: Vehicle file.
+        entries: The P components.
     """
     said = stated(file, entries)
     return np.where(np.isfinite(said), said, KNOWN * _sizes(file, entries))
 
 
 def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return the standard errors that a vehicle file gives for components, (P,); infinite without one."""
+    """Return the standard errors that a vehicle file gives for components, in their units, (P,).
+
+    They are tiny for components marked as known, and infinite where the file gives none.
+
+    Args:
+        file: Vehicle file.
+        entries: The P components.
+    """
     found, sizes = np.full(len(entries), np.inf), _sizes(file, entries)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})
@@ -107,7 +118,13 @@ def _sizes(file: Vehicle, entries: Sequence[Entry]) -> Array:
 
 
 def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> Change:
-    """Return the component whose fitted value (P,) deviates most from its prior."""
+    """Return the component whose fitted value deviates most from the file's, in prior standard deviations.
+
+    Args:
+        file: Vehicle file.
+        entries: The P components.
+        values: Fitted values, (P,).
+    """
     given = in_file(file, entries)
     away = np.abs(values - given) / deviations(file, entries)
     most = int(away.argmax())
@@ -140,7 +157,12 @@ def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle)
 
 
 def in_file(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Return values of components in the tables of a file, (P,); missing components are 0."""
+    """Return the values of components in the tables of a vehicle file, (P,); missing components are 0.
+
+    Args:
+        file: Vehicle file.
+        entries: The P components.
+    """
     tables = (next(iter(file.effects(entry.effect)), {}) for entry in entries)
     return np.array(
         [_number(table.get(e.parameter, 0.0), e) for table, e in zip(tables, entries, strict=True)]

@@ -50,12 +50,12 @@ def suspects(
     reach: Array | None = None,
     completing: bool = False,
 ) -> list[Suspect]:
-    """Return candidates for all effects that the vehicle may lack, or that may have other values.
+    """Return candidates for all effects that a vehicle may lack, or that may have other values.
 
     Args:
         vehicle: The vehicle.
-        without: Effects to exclude.
-        reach: Positions and times of the recording, (N, 4), candidates for the place of an anchor.
+        without: Names of effects to exclude; by default none.
+        reach: Positions [m] and times [s] of the recording, (N, 4), for the place of an anchor.
         completing: Whether to add drag laws of the whole hull to a vehicle that has drag already.
     """
     found: list[Suspect] = []
@@ -74,10 +74,14 @@ def suspects(
 
 
 def replaces_drag(vehicle: Vehicle, name: str) -> bool:
-    """Return whether an effect is a drag law of the whole hull, for a vehicle that has drag already.
+    """Return whether an effect is a drag law of the whole hull and a vehicle has drag already.
 
     In any recording such a law would describe the hull better than the file does, and so hide what has
     changed.
+
+    Args:
+        vehicle: The vehicle.
+        name: Name of the effect in the catalogue.
     """
     has_drag = any(Role.DRAG in CATALOGUE[str(table["name"])].roles for table in vehicle.effect)
     return has_drag and Role.WHOLE_HULL in CATALOGUE[name].roles
@@ -91,14 +95,18 @@ def is_curved(name: str) -> bool:
 def choice(vehicle: Vehicle, effect: str) -> str:
     """Return the name of an effect with the parameter form to try, such as `linear_damping.diagonal`.
 
-    `parameters.free` reads such names.
+    It is the effect's name alone if the effect has one form only, or if the vehicle has the effect.
+
+    Args:
+        vehicle: The vehicle.
+        effect: Name in the catalogue.
     """
     form = CATALOGUE[effect].identification.form
     return effect if form is None or vehicle.effects(effect) else f"{effect}.{form}"
 
 
 def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = False) -> list[dict[str, Any]]:
-    """Return tables of simpler effects with nearly the same forces, which the vehicle file lacks.
+    """Return new `[[effect]]` tables of simpler effects with nearly the same forces, which the vehicle lacks.
 
     Args:
         vehicle: The vehicle with the effect.
@@ -118,12 +126,24 @@ def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = Fals
 
 
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """Return candidates of one effect on a finer grid than `suspects` uses; empty if none is needed."""
+    """Return candidates of one effect on a finer grid of nonlinear parameters; empty if none is needed.
+
+    Args:
+        vehicle: The vehicle.
+        effect: Name in the catalogue.
+        reach: Positions [m] and times [s] of the recording, (N, 4), for the place of an anchor.
+    """
     return _shaped(vehicle, effect, CATALOGUE[effect].identification.fine, reach)
 
 
 def every_shape(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """Return all candidates for a nonlinear effect that the vehicle lacks: the coarse and the fine grid."""
+    """Return all candidates for a nonlinear effect that the vehicle lacks, on the coarse and the fine grid.
+
+    Args:
+        vehicle: The vehicle.
+        effect: Name in the catalogue.
+        reach: Positions [m] and times [s] of the recording, (N, 4), for the place of an anchor.
+    """
     coarse = _shaped(vehicle, effect, CATALOGUE[effect].identification.coarse, reach)
     return [*coarse, *shapes(vehicle, effect, reach=reach)]
 
@@ -144,6 +164,11 @@ def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> 
     """Return an effect that is (nearly) linear as one candidate with a column for each component.
 
     The columns are derivatives at the effect's present values, or at zero if the vehicle lacks the effect.
+
+    Args:
+        vehicle: The vehicle.
+        effect: Name in the catalogue.
+        reach: Positions [m] and times [s] of the recording, (N, 4), for the place of an anchor.
     """
     unknown = free(vehicle, [choice(vehicle, effect)], reach=reach)
     name = unknown.entries[0].effect

@@ -72,14 +72,22 @@ def windows(times: Sequence[Array], dt: float) -> list[Array]:
 
 
 def testable(given: LogMap) -> Mask:
-    """Return a mask of the components of translation and rotation that a log can test, (6,)."""
+    """Return a mask of the components that a log can test, three of translation and three of rotation, (6,).
+
+    Args:
+        given: Map of the log.
+    """
     moves, spins = tested(given)
     level = moves and given.position is not None and bool(given.position.columns)
     return np.array([level, level, moves, spins, spins, spins])
 
 
 def tested(given: LogMap) -> tuple[bool, bool]:
-    """Return whether a log can test any component of translation, and of rotation."""
+    """Return whether a log can test any component of translation, and whether any of rotation.
+
+    Args:
+        given: Map of the log.
+    """
     turned = given.attitude is not None
     moves = turned and given.velocity is not None and given.position is not None
     return moves, turned and given.rates is not None
@@ -184,7 +192,7 @@ class Evidence:
 
     @cached_property
     def few(self) -> Evidence:
-        """At most FEW of the windows, spread evenly."""
+        """Evidence from at most FEW of the windows, spread evenly."""
         every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
@@ -199,7 +207,12 @@ class Evidence:
         return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
 
     def translation(self, given: LogMap, rule: str) -> Array:
-        """Return the residual of d(position)/dt = R v of each window, (W, 3) [m/s]; 0 if not testable."""
+        """Return the residual of d(position)/dt = R v in each window, (W, 3) [m/s]; 0 if not testable.
+
+        Args:
+            given: Map that reads the log.
+            rule: Rule of integration: `trapezoid`, `left` or `right`.
+        """
         if given.position is None or given.attitude is None or given.velocity is None:
             return np.zeros((len(self.t), 3))
         moving = self.moving(given.attitude, given.velocity, rule)
@@ -221,7 +234,12 @@ class Evidence:
         return np.hstack([self.translation(given, rule), rotation])
 
     def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """Return the RMS of the residuals of translation [m/s] and rotation [rad/s], (2,)."""
+        """Return the root mean square residuals of translation [m/s] and rotation [rad/s], (2,).
+
+        Args:
+            given: Map that reads the log.
+            rule: Rule of integration: `trapezoid`, `left` or `right`.
+        """
         both = given.attitude is not None and given.rates is not None
         rotation = self.rotation_error(given.attitude, given.rates, rule) if both else 0.0
         return np.array([_rms(self.translation(given, rule)), rotation])
@@ -246,13 +264,23 @@ class Evidence:
         return found
 
     def motion(self, given: LogMap) -> Array:
-        """Return the RMS rates of position [m/s] and attitude [rad/s], (2,)."""
+        """Return the root mean square rates of position [m/s] and attitude [rad/s], (2,).
+
+        Args:
+            given: Map that reads the log; a rate that it cannot give is 0.
+        """
         placed = given.position is not None and tested(given)[0]
         travelled = self.travelled(given.position) if placed else 0.0
         return np.array([travelled, 0.0 if given.attitude is None else self.turned(given.attitude)])
 
     def moves(self, given: LogMap) -> Mask:
-        """Return whether the log shows translation, and rotation, beyond the noise of its sensors, (2,)."""
+        """Return a mask, (2,): whether translation, and whether rotation, exceeds the noise of the sensors.
+
+        An entry is True where the map lacks one of the sensors.
+
+        Args:
+            given: Map that reads the log.
+        """
         placed = given.position is not None and given.attitude is not None and given.velocity is not None
         found = [True, True]
         if placed:
@@ -281,15 +309,23 @@ class Evidence:
         return bool(beyond or (mean > np.maximum(LEAST_MOTION, MOVING * noise)).any())
 
     def misfit(self, given: LogMap) -> float:
-        """Return one measure of how badly a reading fits: the mean logarithm of both `shares`."""
+        """Return how badly a map fits the log: the mean logarithm of the relative errors of `shares`."""
         return 0.5 * float(np.log(self.shares(given)).sum())
 
     def upright(self, block: Attitude | None) -> bool:
-        """Return whether the vehicle's down axis mostly points down; True without an attitude."""
+        """Return whether the vehicle's down axis points down on average; True without an attitude.
+
+        Args:
+            block: Attitude block of a map; None without one.
+        """
         return block is None or bool(self.attitude(block)[..., 2, 2].mean() > 0.0)
 
     def above_water(self, block: Position | None) -> float:
-        """Return the share of rows with the body origin clearly above the surface; 0 without a position."""
+        """Return the fraction of rows with the body origin clearly above the surface; 0 without a position.
+
+        Args:
+            block: Position block of a map; None without one.
+        """
         if block is None:
             return 0.0
         return float((self.placed(block)[..., 2] < -CLEARLY).mean())

@@ -55,7 +55,7 @@ class Change:
         return len(self.settings) + RARE * sum(value == "NWU" for _, value in self.settings)
 
     def apply(self, given: LogMap) -> LogMap:
-        """Return the map with this change."""
+        """Return a copy of a map with this change."""
         block = getattr(given, self.block)
         if self.flip is not None:
             block = _flipped(block, self.flip)
@@ -66,7 +66,11 @@ class Change:
         )
 
     def claim(self, declared: LogMap) -> str:
-        """Describe how the data contradict the declared map: `velocity looks FLU, not FRD as declared`."""
+        """Return a clause on how the data contradict a map: `velocity looks FLU, not FRD as declared`.
+
+        Args:
+            declared: Map as declared.
+        """
         block = getattr(declared, self.block)
         if self.flip is not None:
             return f"{self.block}: column {measured(block)[self.flip].column} looks reversed"
@@ -77,7 +81,11 @@ class Change:
         return f"{self.block} looks {now}, not {then} as declared"
 
     def advice(self, declared: LogMap) -> str:
-        """Return the advice how to correct the map file."""
+        """Return words that tell how to correct the map file.
+
+        Args:
+            declared: Map as declared.
+        """
         if self.exchange is not None:
             first, second = self.columns(declared)
             return f"write {second} in the place of {first} and {first} in that of {second} in {self.block}"
@@ -90,16 +98,24 @@ class Change:
         )
 
     def columns(self, declared: LogMap) -> tuple[str, ...]:
-        """Return the columns of the log whose meaning the change alters."""
+        """Return the names of the log's columns whose meaning the change alters.
+
+        Args:
+            declared: Map as declared.
+        """
         taken = measured(getattr(declared, self.block))
         chosen = range(len(taken)) if self.flip is None else (self.flip,)
         return tuple(taken[i].column for i in self.exchange or chosen)
 
 
 def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
-    """Return by block the changes to other frames, units, orders and layouts, one setting at a time.
+    """Return, by the name of the block, the changes of a map to other frames, units, orders and layouts.
 
-    The attitude's world and body also change together: ROS's ENU and FLU are easily mistaken for NED and FRD.
+    One setting changes at a time.  The attitude's world and body also change together: ROS's ENU and FLU are
+    easily mistaken for NED and FRD.
+
+    Args:
+        declared: Map of the log.
     """
     found: dict[str, list[Change]] = {name: [] for name in BLOCKS}
     for name, block in blocks_of(declared).items():
@@ -119,7 +135,11 @@ def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
 
 
 def flips(declared: LogMap) -> list[Change]:
-    """Return a reversal of each column of pose and velocity, except columns of a quaternion."""
+    """Return a change for each column of pose and velocity that reverses it, except columns of a quaternion.
+
+    Args:
+        declared: Map of the log.
+    """
     found = []
     for name, block in blocks_of(declared).items():
         if getattr(block, "quaternion", None) is None:
@@ -128,7 +148,11 @@ def flips(declared: LogMap) -> list[Change]:
 
 
 def exchanges(declared: LogMap) -> list[Change]:
-    """Return exchanges of any two columns of a block, except columns of a quaternion."""
+    """Return a change for each pair of columns of a block that exchanges them, except those of a quaternion.
+
+    Args:
+        declared: Map of the log.
+    """
     return [
         Change(name, exchange=pair)
         for name, block in blocks_of(declared).items()
@@ -173,7 +197,14 @@ def _negated(source: Number) -> Column:
 
 
 def difference(declared: LogMap, found: LogMap) -> list[Change]:
-    """Return the changes from one map to another: settings of a block in one change, reversals, exchanges."""
+    """Return the changes that turn one map into another.
+
+    Settings of one block are one change; each reversed column and each pair of exchanged columns is another.
+
+    Args:
+        declared: The first map.
+        found: The second map, with the same columns.
+    """
     changes = []
     for name, was in blocks_of(declared).items():
         now = getattr(found, name)
@@ -201,5 +232,10 @@ def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
 
 
 def cost(declared: LogMap, found: LogMap) -> float:
-    """Return the number of settings in which two maps differ, weighted by how unlikely each mistake is."""
+    """Return the number of settings in which two maps differ, weighted by how unlikely each mistake is.
+
+    Args:
+        declared: The first map.
+        found: The second map, with the same columns.
+    """
     return sum(change.cost for change in difference(declared, found))

@@ -63,12 +63,12 @@ class AxisFaults:
         )
 
     def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
-        """Return the table with values corrected to what the columns' names mean."""
+        """Return a copy of a raw table with values corrected to what the columns' names mean."""
         return read_as(raw, self.follows)
 
 
 def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
-    """Find mislabelled columns by kinematics; None if there are none.
+    """Return the mislabelled columns of a raw table, found by kinematics; None if there are none.
 
     A quantity of pose or velocity without samples in some session is not tested.
 
@@ -116,10 +116,10 @@ def _judged(called: LogMap) -> Mask:
 
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
-    """Convert a raw table to NED, FRD and SI, with the meaning of its columns in a map.
+    """Return a raw table converted to NED, FRD and SI from the meaning that a map gives its columns.
 
     Args:
-        raw: Raw table.
+        raw: Raw table; it is not changed.
         given: Map with the true meaning; quantities that it lacks stay unchanged.
     """
     called = _without(AS_CALLED, [name for name in BLOCKS if getattr(given, name) is None])

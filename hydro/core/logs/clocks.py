@@ -46,7 +46,7 @@ class Evened:
 
 
 def require_plausible(step: float, time: Time) -> None:
-    """Refuse a clock that makes the fastest sensor implausibly slow or fast.
+    """Raise an error if a clock makes the fastest sensor implausibly slow or fast.
 
     Args:
         step: Median step of the log's fastest channel [s], as the map reads the clock.

@@ -61,7 +61,7 @@ class Verdict:
 
 
 def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap) -> Verdict:
-    """Test a map, and every other plausible reading of the same columns, by the kinematics of the log.
+    """Return a test of a map, and of every other plausible reading of its columns, by the log's kinematics.
 
     Args:
         logs: The sessions.
@@ -352,7 +352,7 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
 
 
 def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """Describe one setting that the data contradict: the setting that fits, its error, and the advice.
+    """Return a line on one setting that the data contradict: what fits, the errors, and the advice.
 
     Args:
         evidence: Windows of the log.

@@ -97,11 +97,19 @@ class SessionLog:
     cut: str = ""
 
     def time_of(self, name: str) -> Array:
-        """Return the times of the rows of a column [s]."""
+        """Return the times of the rows of a column [s], from its own clock if it has one.
+
+        Args:
+            name: Name of the column.
+        """
         return self.clocks.get(name, self.t)
 
     def channel(self, source: Number) -> Channel:
-        """Return the samples of one column, with the map's scale and offset."""
+        """Return the samples of one column, scaled and offset as the map states; empty cells are left out.
+
+        Args:
+            source: Column of the map, or its name alone.
+        """
         column = named(source)
         return channel(
             self.time_of(column.column), column.scale * self.columns[column.column] + column.offset
@@ -109,7 +117,13 @@ class SessionLog:
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:
-    """Return the position of the body origin, NED [m], (N, 3); north and east are 0 for a depth alone."""
+    """Return the position of the body origin, NED, (N, 3) [m]; north and east are 0 for a depth alone.
+
+    Args:
+        log: The session.
+        block: Position block of the map.
+        at: Times [s], (N,).
+    """
     axes, unit = AXES[block.world], UNITS[block.unit]
     vertical = block.depth if block.depth is not None else block.height
     values = np.zeros((len(at), 3))
@@ -123,31 +137,40 @@ def position(log: SessionLog, block: Position, at: Array) -> Array:
 
 
 def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Return the rotation from FRD to NED, shape (N, 3, 3), at the times `at` [s], shape (N,)."""
+    """Return the rotation matrices from FRD to NED, shape (N, 3, 3).
+
+    Args:
+        log: The session.
+        block: Attitude block of the map.
+        at: Times [s], (N,).
+    """
     return in_frames(block, own_attitude(log, block, at))
 
 
 def own_attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Return the rotation from the block's body axes to its world axes, shape (N, 3, 3)."""
+    """Return the rotation matrices from the block's body axes to its world axes, shape (N, 3, 3).
+
+    Args:
+        log: The session.
+        block: Attitude block of the map.
+        at: Times [s], (N,).
+    """
     return _quaternions(log, block, at) if block.quaternion is not None else _euler(log, block, at)
 
 
 def in_frames(block: Attitude, turned: Array) -> Array:
-    """Return the rotation from FRD to NED.
+    """Return the rotation matrices from FRD to NED, (..., 3, 3).
 
     Args:
         block: Attitude block of the map, with the frames of body and world, and the sensor's mounting.
         turned: Rotation from the block's body frame to its world frame, shape (..., 3, 3).
-
-    Returns:
-        Shape (..., 3, 3).
     """
     R = np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
     return R if block.mount is None else np.asarray(R @ turn(block.mount).T)
 
 
 def turn(mount: Mount) -> Array:
-    """Return the rotation from the sensor's axes to the body's, (3, 3)."""
+    """Return the rotation matrix from the axes of a mounted sensor to the body's, (3, 3)."""
     if mount.matrix is not None:
         return np.array(mount.matrix, float)
     of_angles = scipy.spatial.transform.Rotation.from_euler
@@ -168,7 +191,13 @@ def velocity(log: SessionLog, block: Velocity, at: Array, R: Array) -> Array:
 
 
 def rates(log: SessionLog, block: Rates, at: Array) -> Array:
-    """Return the angular velocity in FRD [rad/s], shape (N, 3), at the times `at` [s], shape (N,)."""
+    """Return the angular velocity about FRD axes, shape (N, 3) [rad/s].
+
+    Args:
+        log: The session.
+        block: Block of the rates of the map.
+        at: Times [s], (N,).
+    """
     return _vector(log, block, at)
 
 
@@ -199,7 +228,13 @@ def commands(
 
 
 def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> None:
-    """Refuse commands whose size shows that they are not shares of full thrust.
+    """Raise an error if the size of commands shows that they are not fractions of full thrust.
+
+    Args:
+        log: Session of the log.
+        block: Commands of the map.
+        at: Times of the N rows [s], (N,).
+        dt: Sample time [s].
 
     Raises:
         DataError: A command is so far beyond -1 to 1 that the declared unit must be wrong.
@@ -232,7 +267,12 @@ def in_degrees(angles: Sequence[Array]) -> bool:
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
-    """Return a message if the map declares radians and the angles are too large; else an empty string."""
+    """Return a message if the map declares radians and the angles are too large; else an empty string.
+
+    Args:
+        log: The session.
+        block: Attitude block of the map.
+    """
     if block.columns is None or block.unit == "deg":
         return ""
     angles = [log.channel(source).values for source in block.columns]

@@ -63,7 +63,7 @@ class Offset:
 
     @property
     def plain(self) -> bool:
-        """Whether the delay is significant: far from zero relative to its interval."""
+        """Whether the delay differs from zero by more than PLAIN (4) standard errors."""
         half = max(self.high - self.seconds, self.seconds - self.low)
         return abs(self.seconds) > PLAIN / NORMAL_95 * half
 
@@ -74,7 +74,14 @@ class Offset:
 
 
 def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
-    """Return a session with a sensor's stamps moved earlier by `by` seconds."""
+    """Return a copy of a session with a sensor's time stamps moved earlier.
+
+    Args:
+        log: The session.
+        given: Map of the log.
+        block: Block of the sensor: `position`, `attitude`, `velocity` or `rates`.
+        by: Shift [s].
+    """
     sources = measured(getattr(given, block))
     clocks = {one.column: log.time_of(one.column) for one in sources}
     moved = {id(t): t - by for t in clocks.values()}
@@ -84,7 +91,7 @@ def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog
 def sensor_offsets(
     logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
 ) -> list[Offset]:
-    """Estimate the delays of velocity, rates and attitude relative to the pose, where the motion shows them.
+    """Return the delays of velocity, rates and attitude relative to the pose that the motion shows.
 
     Velocity and attitude are compared with the position, rates with the attitude.
 

@@ -90,7 +90,7 @@ SLOWER = 1.5
 def raw_table(
     logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = None, *, fill: bool = False
 ) -> Imported:
-    """Resample a log and convert it to the frames and units of a raw table.
+    """Return a log resampled to one clock, in the frames and units of a raw table.
 
     Pose and velocity are interpolated linearly, each channel between its own samples.  Commands are held.
     There are no rows where a channel is silent for longer than its longest step.  A sensor slower than the

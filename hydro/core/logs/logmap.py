@@ -268,7 +268,7 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
 def named(source: Number) -> Column:
-    """Return a column of a map; a name alone means scale 1 and offset 0."""
+    """Return the source of a map as a column; a name alone means scale 1 and offset 0."""
     return source if isinstance(source, Column) else Column(source)
 
 
@@ -288,12 +288,15 @@ def conditions(given: Condition | tuple[Condition, ...]) -> tuple[Valid, ...]:
 
 
 def stretches(given: LogMap) -> tuple[Use, ...]:
-    """Return the parts of a log that the map selects; empty if the whole log is used."""
+    """Return the parts of sessions that the map selects; an empty tuple if the whole log is used."""
     return given.use if isinstance(given.use, tuple) else (given.use,)
 
 
 def beside(block: Sensor) -> tuple[str, ...]:
-    """Return the columns other than its values that a sensor block needs: those of `valid` and `per`."""
+    """Return the names of the columns that a sensor block needs besides those of its values.
+
+    They are the columns of `valid` and `per`.
+    """
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
 
@@ -305,13 +308,13 @@ def blocks_of(given: LogMap) -> dict[str, Block]:
 
 
 def sensors_of(given: LogMap) -> dict[str, Sensor]:
-    """Return the blocks of pose and velocity of a map, the commands, and the voltage if any, by name."""
+    """Return the sensor blocks of a map by name: pose and velocity, `commands`, and `voltage` if any."""
     found: dict[str, Sensor] = {**blocks_of(given), "commands": given.commands}
     return found if given.voltage is None else {**found, "voltage": given.voltage}
 
 
 def measured(block: Block) -> tuple[Column, ...]:
-    """Return the columns of a block of pose or velocity, in its own order."""
+    """Return the columns of a block of pose or velocity, with scale and offset, in the block's own order."""
     taken: list[Number] = list(block.columns or ())
     if isinstance(block, Attitude):
         taken += block.quaternion or ()
@@ -322,7 +325,7 @@ def measured(block: Block) -> tuple[Column, ...]:
 
 
 def columns_of(block: Sensor) -> list[str]:
-    """Return the columns of a sensor's values."""
+    """Return the names of the columns of a sensor's values."""
     if isinstance(block, Commands):
         return [command(source).column for source in block.columns]
     if isinstance(block, Voltage):

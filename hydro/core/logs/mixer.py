@@ -44,6 +44,9 @@ def matrix(mixer: Mixer) -> Array:
     """Return the matrix from demands to thruster commands, (thrusters, demands).
 
     Without a preset and a matrix, each demand drives one thruster.
+
+    Args:
+        mixer: Mixer of the map; its `directions` reverse rows of the matrix.
     """
     if mixer.preset is not None:
         found = PRESETS[mixer.preset][:, [AXES.index(demand) for demand in mixer.demands]]
@@ -55,7 +58,12 @@ def matrix(mixer: Mixer) -> Array:
 
 
 def thrusters(mixer: Mixer | None, commands: int) -> int:
-    """Return the number of thrusters that `commands` command columns drive."""
+    """Return the number of thrusters that a log's command columns drive.
+
+    Args:
+        mixer: Mixer of the map; None if each column is a thruster.
+        commands: Number of command columns.
+    """
     return commands if mixer is None else len(matrix(mixer))
 
 

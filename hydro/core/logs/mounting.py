@@ -18,7 +18,17 @@ DERIVED = tuple(f"{name}, from the attitude" for name in "pqr")
 
 
 def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
-    """Return a gyroscope's columns converted to body axes, in the block's frame and unit."""
+    """Return, by column, a gyroscope's samples converted to body axes.
+
+    The samples stay in the block's frame and unit.
+
+    Args:
+        log: The session.
+        block: The block of the rates, with its mount.
+
+    Returns:
+        One array for each row of the session, NaN without a sample, by the column's name.
+    """
     assert block.mount is not None
     t, rows = _samples(log, block)
     return _written(log, block, rows, conventions.rates(log, block, t) @ turn(block.mount).T)
@@ -27,17 +37,20 @@ def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
 def mounted_velocity(
     log: SessionLog, block: Velocity, rates: Rates | None, attitude: Attitude | None
 ) -> dict[str, Array]:
-    """Return a velocity sensor's columns converted to the body origin, in the block's frame and unit.
+    """Return, by column, a velocity sensor's samples converted to the body origin.
 
-    The velocity of the body origin is v = R v_s - omega x r.  R rotates the sensor's axes to the body's, v_s
-    is the reading, omega the angular velocity and r the sensor's place from the body origin, all in body
-    axes.
+    The samples stay in the block's frame and unit.  The velocity of the body origin is v = R v_s - omega x r.
+    rotates the sensor's axes to the body's, v_s is the reading, omega the angular velocity and r the sensor's
+    place from the body origin, all in body axes.
 
     Args:
         log: The session, with corrected rates.
         block: The velocity, with its mount.
         rates: The block of the rates.
         attitude: The block of the attitude, which rotates a velocity along world axes.
+
+    Returns:
+        One array for each row of the session, NaN without a sample, by the column's name.
 
     Raises:
         DataError: A lever arm is given without rates.

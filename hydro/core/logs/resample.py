@@ -91,7 +91,7 @@ def spans(each: Channel, longest: float | None = None) -> Array:
 
 
 def common(stretches: Sequence[Array]) -> Array:
-    """Return the spans that all channels share, shape (k, 2) [s].
+    """Return the first and last time of each span in which all channels have data, shape (k, 2) [s].
 
     Args:
         stretches: First and last time of each span of every channel, see `spans`.
@@ -171,7 +171,12 @@ def averaged(each: Channel, at: Array, dt: float) -> Array:
 
 
 def unwrapped(each: Channel, period: float) -> Channel:
-    """Return an angle's channel without jumps by a whole turn; `period` is a turn in the angle's unit."""
+    """Return a copy of an angle's channel without jumps by a whole turn.
+
+    Args:
+        each: The channel.
+        period: A whole turn in the channel's unit.
+    """
     return Channel(each.t, np.unwrap(each.values, period=period))
 
 

@@ -83,7 +83,9 @@ class _Work:
 
 
 def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
-    """Return sessions to which the map's settings are applied: validity, divisors, repeats, stamps, mounts.
+    """Return new sessions to which the map's settings are applied.
+
+    The settings concern validity, divisors, repeated readings, time stamps and mounts of the sensors.
 
     Args:
         logs: The sessions, as logged.

@@ -61,11 +61,15 @@ class Candidate:
         return table
 
     def with_thrusters(self, rows: Array) -> Candidate:
-        """Return the candidate with further thrusters, rows of `vehicle.thrusters`, (n, COLUMNS)."""
+        """Return a copy of the candidate with further thrusters, after its own.
+
+        Args:
+            rows: Rows of the thruster table of `vehicle.thrusters`, (n, COLUMNS).
+        """
         return replace(self, program=with_thrusters(self.program, rows))
 
     def in_sea(self, harmonics: Array) -> Candidate:
-        """Return the candidate in waves.
+        """Return a copy of the candidate in waves.
 
         Args:
             harmonics: H harmonics of a sea, rows of `core.effects.waves`, (H, COMPONENT).
@@ -74,7 +78,7 @@ class Candidate:
 
 
 def candidate(vehicle: Vehicle) -> Candidate:
-    """Compile a vehicle for comparison with a recording.
+    """Return a vehicle compiled for comparison with a recording.
 
     Raises:
         DataError: An effect is not valid in the catalogue.
@@ -86,7 +90,7 @@ def candidate(vehicle: Vehicle) -> Candidate:
 def rotor_states(model: Candidate, record: Recording) -> Array:
     """Return the lag states of n thrusters just before each of N rows of a recording, (N, n).
 
-    A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
+    A lag state is a thrust [N] before losses, or a normalised rotor speed.
 
     Args:
         model: Vehicle, with its thrusters.
@@ -104,7 +108,12 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
     """Return lag states of n thrusters, averaged over just before and just after each of N rows, (N, n).
 
-    The two differ for a thruster without lag, whose state jumps at a row.
+    A lag state is a thrust [N] or a normalised rotor speed.  The states before and after a row differ for a
+    thruster without lag, whose state jumps at a row.
+
+    Args:
+        model: Vehicle, with its thrusters.
+        record: Recording of N rows, with its commands.
     """
     before = rotor_states(model, record)
     if (model.thrusters[:, TIME_CONSTANT] > 0.0).all():
@@ -197,14 +206,14 @@ def commands_before(record: Recording) -> Array:
 
 @kernel
 def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
-    """Write the state of motion at a row of a recording to `s`, in the layout of `core.effects.layout`.
+    """Write the state of motion at a row of a recording to `s`.
 
     Args:
         flat: Compiled effects of a vehicle, see `effects.program`.
         eta: Pose, NED, (6,) [m, rad].
         nu: Velocity of CO, body axes, (6,) [m/s, rad/s].
         t: Time of the session [s].
-        s: Output.
+        s: Output: state of motion, in the layout of `core.effects.layout`.
     """
     s[TIME] = t
     copy_kernel(eta, s[POSITION : POSITION + 3])

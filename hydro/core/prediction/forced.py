@@ -36,11 +36,11 @@ class ForcedOutputError(OutputError):
 
     @classmethod
     def under(cls, shots: Shots, wrench: Array) -> ForcedOutputError:
-        """Return the problem of shots in which a wrench acts.
+        """Return the output-error problem of shots (short predictions) in which a known wrench acts.
 
         Args:
             shots: Shots of a recording.
-            wrench: Wrench at every row of the recording, (N, 6) [N, N m].
+            wrench: Wrench at every row of the recording, about CO in body axes, (N, 6) [N, N m].
         """
         between = wrench.copy()
         between[:-1] = 0.5 * (wrench[:-1] + wrench[1:])  # a command acts until the next row
@@ -53,21 +53,33 @@ class ForcedOutputError(OutputError):
         return cls(replace(shots, record=replace(shots.record, commands=commands)), rows=rows)
 
     def prepared(self, vehicle: Vehicle, like: Prepared | None = None) -> Prepared:
-        """Return a vehicle with the thrusters of the wrench, prepared for the shots."""
+        """Return a vehicle with the thrusters of the wrench, and its initial states in every shot.
+
+        The initial states are those of the rotors and of the effects.
+
+        Args:
+            vehicle: The vehicle.
+            like: Another vehicle prepared for the same shots, whose states are reused where they are the
+                same.
+        """
         return multiple_shooting.prepare(candidate(vehicle).with_thrusters(self.rows), self.shots, like)
 
     def of_measured(self, measured: Array) -> ForcedOutputError:
-        """Return the problem with other measurements of the shots, (S, length, 13)."""
+        """Return a copy of the problem with other measurements.
+
+        Args:
+            measured: Position, quaternion and nu in each row of the S shots, (S, length, 13).
+        """
         return replace(self, shots=replace(self.shots, measured=measured))
 
 
 def displaced_by(measured: Array, one: Array, other: Array) -> Array:
-    """Return measurements of shots plus the difference `one` minus `other` of two predictions.
+    """Return a copy of the measurements of shots plus the difference `one` minus `other` of two predictions.
 
     Measurements of a shot with a diverging prediction stay as they are.
 
     Args:
-        measured: Measurements, (S, length, 13).
+        measured: Measurements: position, quaternion and nu, (S, length, 13).
         one: First prediction, (S, length, 13).
         other: Second prediction, (S, length, 13).
     """

@@ -121,7 +121,12 @@ class Answers(NamedTuple):
 
 
 def places_of(shots: Shots, part: slice) -> Places:
-    """Return the places in the recording of a slice of shots."""
+    """Return the places in the recording of some of its shots.
+
+    Args:
+        shots: All shots.
+        part: Slice of the shots.
+    """
     record, segment = shots.record, shots.segment[part]
     return Places(
         commands=record.commands,
@@ -134,7 +139,7 @@ def places_of(shots: Shots, part: slice) -> Places:
 
 
 def most_steps(shots: Shots) -> int:
-    """Return the integration steps per row that are accurate enough for residuals near the noise."""
+    """Return the number of integration steps per row that is accurate enough for residuals near the noise."""
     return steps_of_row(shots.record.dt, 1.0 / LONGEST_STEP)
 
 
@@ -205,16 +210,25 @@ class Prepared:
     memory: Array
 
     def of(self, kept: NDArray[np.bool_]) -> Prepared:
-        """Return the prepared candidate for the shots that a mask (S,) selects."""
+        """Return the candidate prepared for some of the shots.
+
+        Args:
+            kept: Mask of these shots, (S,).
+        """
         return Prepared(self.model, self.rotors[kept], self.memory[kept])
 
     def initial_states(self, first: Array, part: slice) -> InitialStates:
-        """Return the initial states of a slice of shots; `first` (S, 13) are the body states of all shots."""
+        """Return the initial states of some of the shots.
+
+        Args:
+            first: States of the body in all shots: position, quaternion, nu, (S, 13).
+            part: Slice of the shots.
+        """
         return InitialStates(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
 
 
 def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Prepared:
-    """Compute the initial rotor and internal states of a candidate in every shot.
+    """Return a candidate with its initial rotor and internal states in every shot.
 
     Args:
         model: The candidate.
@@ -280,7 +294,8 @@ def residuals(
     """Return measured minus predicted values in standard deviations of the noise, (s, length - lead, 12).
 
     The residual of the attitude is the small rotation from the predicted to the measured attitude, about the
-    predicted body axes.  Residuals are 0 where nothing was measured.
+    predicted body axes.  Residuals are 0 where nothing was measured.  The first `lead` rows of a shot are not
+    compared.
 
     Args:
         prepared: The candidate, prepared for the shots.
@@ -324,12 +339,19 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
 
 
 def cost(prepared: Prepared, shots: Shots) -> float:
-    """Return the sum of squared residuals over all shots; infinite if a motion diverges."""
+    """Return the sum of squared residuals over all shots, in units of the noise variance.
+
+    Anchored initial states are included.  The sum is infinite if a motion diverges.
+
+    Args:
+        prepared: The candidate, prepared for the shots.
+        shots: The shots.
+    """
     return float(costs(prepared, shots).sum())
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Return states of a body after small displacements.
+    """Return states of a body after small displacements, a new array (S, 13).
 
     Args:
         first: S states: position, quaternion and nu, (S, 13).

@@ -55,13 +55,21 @@ class Normal:
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
-        """Return the problem in the parameters `columns` alone, with all other parameters fixed."""
+        """Return a new problem in some of the parameters, with all other parameters fixed.
+
+        Args:
+            columns: Indices of the parameters that remain.
+        """
         kept = [*columns, -1]
         gram = self.gram[:, kept][:, :, kept]
         return replace(self, gram=gram, follow=self.follow[..., kept])
 
     def some(self, kept: NDArray[np.bool_]) -> Normal:
-        """Return the problem for the pieces of data that the mask `kept` (S,) selects."""
+        """Return a new problem for some of the pieces of data.
+
+        Args:
+            kept: Mask of the pieces that remain, (S,).
+        """
         compared = None if self.compared is None else self.compared[kept]
         rest = (self.gram[kept], self.freedoms[kept], self.channels[kept], self.follow[kept])
         return Normal(*rest, compared)
@@ -82,7 +90,11 @@ class Normal:
         return left
 
     def after(self, step: Array) -> Normal:
-        """Return the problem about the parameters plus a step (P,), with the same derivatives."""
+        """Return a new problem about the parameters after a step, with the same derivatives.
+
+        Args:
+            step: Step of the parameters, (P,).
+        """
         gram = self.gram.copy()
         gram[:, -1, -1] = self.expected(step)
         gram[:, :-1, -1] -= self.matrix @ step
@@ -145,9 +157,10 @@ def taken(gram: Array, first: int, known: Array) -> Array:
     The number is `first` if the data alone determine the unknowns, and less if the prior does.
 
     Args:
-        gram: Gram matrices of S pieces, (S, first + P + 1, first + P + 1), as for `eliminate`.
+        gram: Gram matrix [Z, X, e]^T [Z, X, e] of each of S pieces, (S, first + P + 1, first + P + 1):
+            Z of the unknowns, X of P parameters, and the residual e.
         first: Number of unknowns that are eliminated from each piece.
-        known: Prior information on the unknowns, (S, first).
+        known: Prior information on the unknowns, the inverse of their prior variances, (S, first).
     """
     own = gram[:, :first, :first]
     size = 1.0 / np.sqrt(np.einsum("sii->si", own) + known)
@@ -180,14 +193,15 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
 
 
 def block_length(scores: Array) -> int:
-    """Return the number of pieces in a block: ten correlation times of the scores.
+    """Return the number of pieces of data in a block: ten correlation times of the scores.
 
     Blocks are shorter where fewer than twelve would remain.  Scores of neighbouring pieces are correlated if
     model errors last longer than a piece.  With white residuals they are not correlated, and a piece is a
     block.
 
     Args:
-        scores: X^T e of each of S pieces, for P parameters, (S, P).
+        scores: X^T e of each of S pieces, for P parameters, (S, P): columns X, the derivatives of the
+            prediction, and residual e.
     """
     pieces = len(scores)
     size = np.sqrt((scores**2).sum(axis=0))

@@ -69,44 +69,62 @@ class OutputError:
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
     def at_measured_states(self, vehicle: Vehicle) -> Self:
-        """Return the problem with initial states corrected for the DVL errors of a vehicle."""
+        """Return a copy of the problem in which shots start at the logged motion.
+
+        Args:
+            vehicle: Vehicle for whose DVL errors the logged motion is corrected.
+        """
         shots = multiple_shooting.corrected_first(self.shots, candidate(vehicle))
         return replace(self, shots=shots, near=None)
 
     def some(self, most: int) -> Self:
-        """Return the problem with at most `most` shots, spread evenly; unchanged if it has fewer."""
+        """Return a problem with at most `most` shots, spread evenly; the problem itself if it has fewer."""
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else self.over(kept)
 
     def over(self, kept: NDArray[np.bool_]) -> Self:
-        """Return the problem over the shots of a mask (S,)."""
+        """Return a copy of the problem with some of the shots.
+
+        Args:
+            kept: Mask of the shots that remain, (S,).
+        """
         return replace(self, shots=self.shots.of(kept), near=None)
 
     def anchored(self) -> Self:
-        """Return the problem with the logged initial states as additional samples, instead of free ones.
+        """Return a copy of the problem with the logged initial states as additional samples.
 
-        Their weight follows from the noise of the channels, and stays the same if the channels are
-        reweighted.  So the initial states of a fit far from the noise cannot absorb errors of the model that
-        are larger than the noise of the log.
+        The initial states are then no longer free.  The weight of the samples follows from the noise of the
+        channels, and stays the same if the channels are reweighted.  So the initial states of a fit far from
+        the noise cannot absorb errors of the model that are larger than the noise of the log.
         """
         return replace(self, shots=self.shots.anchored())
 
     def prepared(
         self, vehicle: Vehicle, like: multiple_shooting.Prepared | None = None
     ) -> multiple_shooting.Prepared:
-        """Return a vehicle prepared for the shots, see `multiple_shooting.prepare`."""
+        """Return a compiled vehicle with its initial rotor and internal states in every shot.
+
+        Args:
+            vehicle: The vehicle.
+            like: Another vehicle prepared for the same shots, whose states are reused where they are the
+                same.
+        """
         return multiple_shooting.prepare(candidate(vehicle), self.shots, like)
 
     def residuals(self, vehicle: Vehicle) -> Array:
-        """Return the residuals of a vehicle in standard deviations of the noise, (S, length - lead, 12)."""
+        """Return measured minus predicted values of a vehicle, (S, length - lead, 12), in units of the noise.
+
+        The unit is the standard deviation of the noise of each channel: position, attitude, velocity, rates.
+        """
         return multiple_shooting.residuals(self.prepared(vehicle), self.shots)
 
     def coarsened(self, vehicle: Vehicle) -> Self:
-        """Return the problem with the fewest integration steps that are accurate enough for a vehicle.
+        """Return a copy of the problem with the fewest integration steps accurate enough for a vehicle.
 
         Steps are short enough for residuals of the size of the noise.  Where residuals are far larger, longer
         steps change no decision and save most of the time.  In each channel, they change the predictions of
-        the vehicle by at most INTEGRATION_ERROR of its residual.
+        the vehicle by at most INTEGRATION_ERROR of its residual.  If no fewer steps suffice, the result is
+        problem itself.
         """
         tested = self.some(TESTED_SHOTS)
         prepared = tested.prepared(vehicle)
@@ -125,7 +143,15 @@ class OutputError:
         return self
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the problem, see `sensitivity.linearise`."""
+        """Return the least-squares problem linearised about a vehicle, without the shots' initial states.
+
+        The initial states are eliminated shot by shot.
+
+        Args:
+            base: The vehicle.
+            moved: Copies of the vehicle with one changed parameter each.
+            steps: Size of each change, in the unit of the problem's parameters.
+        """
         prepared = self.prepared(base, self.near)
 
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
@@ -170,7 +196,11 @@ class OutputError:
         Channels that no model explains then count less.
 
         Args:
-            normal: Problem at the present estimate.
+            normal: Problem linearised at the present estimate.
+
+        Returns:
+            A copy and True; the problem itself and False if the noise of all channels nearly fits the
+            residuals.
         """
         sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
@@ -178,7 +208,11 @@ class OutputError:
         return self.weighed(sigma), True
 
     def weighed(self, sigma: Array) -> Self:
-        """Return the problem with standard deviations `sigma` of the noise of the 12 channels, (12,)."""
+        """Return a copy of the problem with other noise of the channels.
+
+        Args:
+            sigma: Standard deviation of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
+        """
         return replace(self, shots=replace(self.shots, sigma=sigma))
 
 
@@ -224,6 +258,9 @@ def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputErro
         unknown: P free components of a vehicle, with their own initial values.
         values: Result of the equation-error fit, (P,).
         shots: Shots of the recording.
+
+    Returns:
+        Initial values, (P,), and the output-error problem whose initial states fit these values.
 
     Raises:
         DataError: The motion diverges with all initial values.

@@ -81,11 +81,11 @@ class Free:
     known: frozenset[str]
 
     def at(self, values: Array) -> Vehicle:
-        """Return the vehicle with the free components set to `values` (P,)."""
+        """Return a copy of the vehicle with the free components set to `values`, (P,), in their units."""
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """Return the free components that remain when some are fixed at given values.
+        """Return a new set of free components, in which some components are fixed at given values.
 
         Args:
             values: Value of each free component, (P,): those to fix, and initial values of those that stay
@@ -96,7 +96,7 @@ class Free:
         return replace(self, vehicle=self.at(values), entries=rest, starts=(values[~held],))
 
     def within(self, values: Array) -> Array:
-        """Return `values` (P,), clipped to the bounds of the components."""
+        """Return a copy of `values`, (P,), clipped to the bounds of the components."""
         return np.clip(values, *self.bounds)
 
     @property
@@ -105,7 +105,7 @@ class Free:
         return list(dict.fromkeys(entry.effect for entry in self.entries))
 
     def places(self, effect: str) -> list[int]:
-        """Return the indices of the free components of an effect."""
+        """Return the indices, among the P free components, of those of an effect."""
         return [i for i, entry in enumerate(self.entries) if entry.effect == effect]
 
     @property
@@ -330,5 +330,10 @@ def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
 
 
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
-    """Return the unit of one component of a parameter."""
+    """Return the unit of one component of a parameter.
+
+    Args:
+        parameter: The parameter.
+        index: Index of the component in the parameter's array; () for a number.
+    """
     return parameter.unit_at(index)

@@ -193,7 +193,7 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
 
 
 def shot_seconds(record: Recording) -> float:
-    """Return the length of the shots into which a recording is cut [s].
+    """Return the length of the shots, the short predictions, into which a recording is cut [s].
 
     Shots are longer if the sensors determine their initial states poorly.  Position is ignored for this,
     because hardly any force depends on it.

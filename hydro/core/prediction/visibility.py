@@ -51,7 +51,14 @@ def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
 
 
 def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
-    """Return the lines of `not_shown` for a recording that has been converted to arrays."""
+    """Return one line of text for each missing sensor: what is not observable, and how exact the rest is.
+
+    A last line names thrusters that the sensors show on one axis only.
+
+    Args:
+        vehicle: The vehicle.
+        record: The recording as arrays.
+    """
     if record.seen is None or record.seen.any(axis=0).all():
         return ()
     never, known = np.logical_not(record.seen.any(axis=0)), _known(vehicle, record)

@@ -87,7 +87,7 @@ class Windows:
         seconds: float = WINDOW_SECONDS,
         run: int = 1,
     ) -> Windows:
-        """Build windows over a recording.
+        """Return the equation-error problem of a recording, cut into windows.
 
         Args:
             record: The recording.
@@ -191,7 +191,11 @@ class Windows:
         return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
 
     def noise(self, lags: int) -> Array:
-        """Return the autocovariance of white velocity noise over neighbouring windows, (lags + 1, 6)."""
+        """Return the autocovariance of white velocity noise over neighbouring windows, (lags + 1, 6).
+
+        Args:
+            lags: Greatest distance between two windows, in windows.
+        """
         step, length = self.test.size // 2, self.test.size
         sums = [
             float(self.slope[: max(length - k * step, 0)] @ self.slope[k * step :]) for k in range(lags + 1)
@@ -228,7 +232,9 @@ class Windows:
         return whitened if self.known is None else whitened * self.known[:, : whitened.shape[-1]]
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Linearise the least-squares problem about a vehicle; the residual is measured minus predicted.
+        """Return the least-squares problem linearised about a vehicle.
+
+        The residual is measured minus predicted.
 
         Args:
             base: The vehicle.
@@ -267,9 +273,14 @@ class Windows:
         return columns
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
-        """Return the sum of squared residuals of a vehicle, infinite if not finite, and the problem itself.
+        """Return the sum of squared residuals of a vehicle, and the problem itself, unchanged.
 
-        `step` and `normal` are not used: there are no initial states to update.
+        The sum is infinite if a residual is not finite.  There are no initial states to update.
+
+        Args:
+            vehicle: The vehicle.
+            step: Not used.
+            normal: Not used.
         """
         total = float((self.residuals(vehicle) ** 2).sum())
         return (total if np.isfinite(total) else np.inf), self
@@ -278,10 +289,10 @@ class Windows:
         """Return the problem with less weight for equations with large residuals.
 
         Args:
-            normal: Problem at the present estimate.
+            normal: Problem linearised at the present estimate.
 
         Returns:
-            The problem, and whether its weights changed.
+            A copy and True; the problem itself and False if no residual is clearly larger than its noise.
         """
         squares = normal.channels.sum(axis=0)
         counted = len(normal.channels) if self.known is None else (self.known**2).sum(axis=0)

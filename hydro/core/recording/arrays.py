@@ -82,12 +82,16 @@ class Recording:
 
     @cached_property
     def sampled(self) -> frozenset[str]:
-        """Channels of pose and velocity that have samples."""
+        """Names of the channels of pose and velocity that have samples, such as `x` or `u`."""
         some = np.arange(12) if self.seen is None else np.flatnonzero(self.seen.any(axis=0))
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
 
     def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
-        """Return whether any of several groups of channels has samples in all of the group's channels."""
+        """Return whether at least one of several groups of channels is measured completely.
+
+        Args:
+            alternatives: Groups of names of channels, such as `x` or `u`.
+        """
         return any(self.sampled.issuperset(channels) for channels in alternatives)
 
     @property
@@ -97,7 +101,7 @@ class Recording:
 
 
 def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
-    """Read a raw table for a vehicle.
+    """Return a raw table as arrays, with the effective commands of a vehicle's thrusters.
 
     Raises:
         DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
@@ -143,10 +147,13 @@ def _samples(raw: pl.DataFrame) -> Mask | None:
 
 
 def smoothed(record: Recording) -> tuple[Array, Array]:
-    """Smooth pose and velocity by local cubics of half a second, without delay.
+    """Return pose and velocity smoothed by local cubics of half a second, without delay.
 
     The attitude is smoothed as a quaternion, so that the vehicle may loop: roll and heading jump by half a
     turn at the vertical.
+
+    Args:
+        record: Recording of N rows; it is not changed.
 
     Returns:
         eta and nu, (N, 6) each; segments of fewer than five rows unchanged.
@@ -165,7 +172,7 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
 
 
 def noise(record: Recording) -> Array:
-    """Estimate the standard deviation of the white noise of each channel, pose then velocity, shape (12,).
+    """Return the estimated standard deviation of the white noise of each channel, pose then velocity, (12,).
 
     The estimate uses fourth differences.  In them motion nearly cancels, and white noise of variance s^2 has
     the variance 70 s^2.  Their median size is robust to a few jumps.  A channel interpolated between the
@@ -189,9 +196,13 @@ def noise(record: Recording) -> Array:
 
 
 def drawn(record: Recording, of: slice = slice(None)) -> bool:
-    """Return whether any channel in a slice holds values that were interpolated between a sensor's samples.
+    """Return whether any of some channels holds values that were interpolated between a sensor's samples.
 
     The noise of an interpolated channel is not white from row to row, even if its size is known.
+
+    Args:
+        record: The recording.
+        of: Slice of the 12 channels, pose then velocity; by default all.
     """
     if record.seen is not None and not record.seen[:, of].all():
         return True
@@ -211,7 +222,7 @@ def channels(record: Recording) -> Iterator[list[Array]]:
 
 
 def samples(record: Recording) -> Iterator[list[Array]]:
-    """Yield each channel's samples by segments, without filled values."""
+    """Yield each of the 12 channels' samples as a list with one array per segment, without filled values."""
     for i, parts in enumerate(channels(record)):
         if record.seen is None:
             yield parts

@@ -31,7 +31,7 @@ EXPLAINED = 1.25
 
 
 def require_rows(rows: float) -> None:
-    """Refuse a recording with more rows than a table may have.
+    """Raise an error if a recording has more rows than a table may have.
 
     Raises:
         DataError: There are too many rows; the message gives their number.
@@ -44,7 +44,7 @@ def require_rows(rows: float) -> None:
 
 
 def require_rate(rate: float, step: float) -> None:
-    """Refuse a row rate far above that of any sensor.
+    """Raise an error if a row rate is far above that of any sensor.
 
     Args:
         rate: Rows per second.
@@ -94,7 +94,7 @@ class Expected(NamedTuple):
 
 
 def diagnosis_seconds(rows: int, processors: int) -> Expected:
-    """Estimate the duration of a diagnosis.
+    """Return the estimated range of the duration of a diagnosis [s].
 
     It depends mostly on how many effects are missing and on how well any formula fits the hull.  Neither is
     known in advance, so the estimate is a range.

@@ -59,7 +59,7 @@ class Feedback:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes on which the demand depends on pose or velocity."""
+        """Axes (0 to 5) on which the demand depends significantly on pose or velocity."""
         sure = self.p_values <= ALPHA / len(DOF)
         return tuple(int(i) for i in np.flatnonzero(sure & (self.by_axis >= MATERIAL)))
 
@@ -69,7 +69,7 @@ class Feedback:
         return bool(self.axes)
 
     def words(self) -> str:
-        """Describe which demands depend on which motion."""
+        """Return words for the axes with feedback, with the share explained: `heave to z and w (40%)`."""
         return "; ".join(
             f"{DOF[i]} to {POSE[i]} and {VELOCITY[i]} ({self.by_axis[i]:.0%})" for i in self.axes
         )

@@ -19,7 +19,7 @@ ANGLES = slice(3, 6)
 
 
 def filled(motion: Array, bounds: Rows, dt: float) -> Array:
-    """Fill NaN in pose and velocity, (N, 12); measured values stay unchanged.
+    """Return a copy of pose and velocity with NaN filled, (N, 12); measured values stay unchanged.
 
     Args:
         motion: Pose and velocity, NaN without a sample, (N, 12) [m, rad, m/s, rad/s].
@@ -82,7 +82,11 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
 
 
 def slope_noise(dt: float) -> float:
-    """Return the noise of a velocity computed as the slope of a pose, per unit noise of the pose [1/s]."""
+    """Return the ratio of the noise of a pose's slope, a velocity, to the noise of the pose [1/s].
+
+    Args:
+        dt: Sample time [s].
+    """
     return float(np.linalg.norm(savitzky_golay_weights(max(_width(dt), 5), 3, deriv=1, dt=dt)))
 
 
@@ -107,7 +111,11 @@ def _rates(quaternion: Array, turning: Array) -> Array:
 
 
 def steady(quaternion: Array) -> Array:
-    """Return quaternions of the same rotations, (N, 4), whose sign does not jump from row to row."""
+    """Return quaternions of the same rotations whose sign does not jump from row to row, a new array (N, 4).
+
+    Args:
+        quaternion: Quaternions, (N, 4).
+    """
     turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
     out = quaternion.copy()
     out[1:][np.cumsum(turned) % 2 == 1] *= -1.0

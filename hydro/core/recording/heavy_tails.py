@@ -96,24 +96,37 @@ class Tail:
     width: int
 
     def score(self, z: Array) -> Array:
-        """Return the score psi(z) = (nu + 1) z/(nu + z^2) of errors z, in units of the scale."""
+        """Return the score psi(z) = (nu + 1) z/(nu + z^2) with nu degrees of freedom, an array like `z`.
+
+        Args:
+            z: Errors in units of the scale.
+        """
         psi: Array = (self.freedom + 1.0) * z / (self.freedom + z**2)
         return psi
 
     def slope(self, z: Array) -> Array:
-        """Return the derivative psi'(z) of the score."""
+        """Return the derivative of the score, psi'(z), an array like `z`.
+
+        Args:
+            z: Errors in units of the scale.
+        """
         square = z**2
         slope: Array = (self.freedom + 1.0) * (self.freedom - square) / (self.freedom + square) ** 2
         return slope
 
     def plausible(self, error: Array, count: int) -> Mask:
-        """Return a mask of the errors that are plausible as the largest of `count` samples."""
+        """Return a mask of the errors that are plausible as the largest of several samples.
+
+        Args:
+            error: Errors, in the channel's unit.
+            count: Number of the samples.
+        """
         beyond = count * 2.0 * scipy.special.stdtr(self.freedom, -np.abs(error) / self.scale)
         return np.asarray(beyond >= PLAUSIBLE)
 
 
 def heavy_tails(record: Recording) -> dict[int, Tail]:
-    """Find the channels whose noise has heavy tails, and fit Student's t distribution to it.
+    """Find the channels whose noise has heavy tails, and fit Student's t distribution to the noise.
 
     Channels whose motion is too fast for a local cubic polynomial are left out, because their noise cannot be
     separated from the motion.
@@ -140,10 +153,13 @@ def heavy_tails(record: Recording) -> dict[int, Tail]:
 def pseudo_observed(
     raw: pl.DataFrame, record: Recording, tails: Mapping[int, Tail]
 ) -> tuple[pl.DataFrame, Array]:
-    """Replace the samples of channels with heavy tails by pseudo-observations; other channels stay unchanged.
+    """Return a table in which the samples of channels with heavy tails are replaced by pseudo-observations.
+
+    A pseudo-observation has Gaussian noise with as much information as the sample.  Other channels stay
+    unchanged.
 
     Args:
-        raw: Raw table.
+        raw: Raw table; it is not changed.
         record: The table as arrays.
         tails: Noise of the channels with heavy tails, from `heavy_tails`.
 

@@ -34,7 +34,7 @@ def is_sparse(spacing: float) -> bool:
 
 
 def jumping(series: Sequence[Array], bursts: Sequence[int], spacing: float = 0.0) -> list[Mask]:
-    """Return a mask of the samples that jump, for each series.
+    """Return one mask for each series of samples, true for the samples that jump away and back.
 
     Passes are repeated without the samples already found.
 

@@ -90,7 +90,13 @@ def _cross_matrix(v: Array, out: Array) -> None:
 
 @jit
 def turn(quaternion: Array, twist: Array, out: Array) -> None:
-    """Write q exp(twist / 2), the attitude turned by `twist` (3,) about body axes, into `out` (4,)."""
+    """Write q exp(twist / 2), the attitude turned about body axes, into `out`.
+
+    Args:
+        quaternion: Attitude q as a unit quaternion, (4,).
+        twist: Rotation vector in body axes, (3,) [rad].
+        out: Output: unit quaternion, (4,).
+    """
     angle = math.sqrt(twist[0] ** 2 + twist[1] ** 2 + twist[2] ** 2)
     share = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
     x, y, z = share * twist[0], share * twist[1], share * twist[2]
@@ -102,7 +108,13 @@ def turn(quaternion: Array, twist: Array, out: Array) -> None:
 
 @jit
 def corrected(state: Array, error: Array, out: Array) -> None:
-    """Write the state (31,) corrected by an error (30,) into `out` (31,)."""
+    """Write a state corrected by an error into `out`.
+
+    Args:
+        state: Nominal state, (31,), with the attitude as a quaternion.
+        error: Error of the state, (30,), with the attitude as a small rotation about body axes.
+        out: Output: corrected state, (31,).
+    """
     for i in range(3):
         out[i] = state[i] + error[i]
     turn(state[QUATERNION : QUATERNION + 4], error[ATTITUDE:SPEED], out[QUATERNION : QUATERNION + 4])
@@ -114,10 +126,15 @@ def corrected(state: Array, error: Array, out: Array) -> None:
 def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
     """Advance the state by one row, and compute the transition matrix of the error.
 
-    The position is integrated by Simpson's rule, the attitude by the mean rate. Args: state: Nominal state,
-    (31,). dt: Sample time [s]. out: Output: state one row later, (31,). phi: Output: transition matrix, (30,
-    30).  It must hold the identity before; not all entries are written. R: Output: rotation from body to
-    world halfway between the rows.
+    The position is integrated by Simpson's rule, the attitude by the mean rate.
+
+    Args:
+        state: Nominal state, (31,).
+        dt: Sample time [s].
+        out: Output: state one row later, (31,).
+        phi: Output: transition matrix, (30, 30).  It must hold the identity before; not all entries are
+            written.
+        R: Output: rotation from body to world halfway between the rows.
     """
     R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
     S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -203,10 +220,10 @@ def integrated(dt: float, first: int, second: int) -> float:
 
 @jit
 def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
-    """Add the covariance that white noise causes from one row to the next.
+    """Add the covariance that white noise causes from one row to the next to `P`.
 
     Args:
-        P: Covariance of the error, (30, 30), added to.
+        P: Covariance of the error, (30, 30), changed in place.
         density: Spectral densities of the noise, (6, 2), see `Model`.
         R: Rotation from body to world halfway between the rows.
         dt: Sample time [s].
@@ -223,7 +240,13 @@ def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
 
 @jit
 def rotation_vector(q: Array, measured: Array, out: Array) -> None:
-    """Write the rotation from attitude q to `measured` (4,), about body axes, to `out` (3,) [rad]."""
+    """Write the rotation from one attitude to another into `out`.
+
+    Args:
+        q: First attitude, a unit quaternion (4,).
+        measured: Second attitude, a unit quaternion (4,).
+        out: Output: rotation vector about body axes, (3,) [rad].
+    """
     turned, inverse = np.empty(4), np.empty(4)
     inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
     quaternion_product_kernel(inverse, measured[0], measured[1], measured[2], measured[3], turned)

@@ -301,10 +301,16 @@ def smooth(
 
 
 def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
-    """Return the maximum-likelihood spectral densities of the white noise of each axis, (6, 2) [SI].
+    """Return the maximum-likelihood spectral densities of the white noise of each axis, (6, 2).
 
-    They are estimated from at most WINDOWS windows of WINDOW rows, evenly spread.  The density is ROUGH along
-    body axes for which neither the velocity nor the whole position is measured.
+    They are those of the derivatives of nu' and nu'' [m^2/s^5, rad^2/s^5; m^2/s^7, rad^2/s^7], estimated from
+    at most WINDOWS windows of WINDOW rows, evenly spread.  The density is ROUGH along body axes for which
+    neither the velocity nor the whole position is measured.
+
+    Args:
+        model: Parameters of the smoother; its densities are the initial values of the search.
+        samples: Pose and velocity, NaN without a sample, (N, 12) [m, rad, m/s, rad/s].
+        bounds: Segments [start, stop), (S, 2).
     """
     seen: Mask = np.asarray(np.isfinite(samples).any(axis=0))
     shown = np.append(seen[6:9] | seen[:3].all(), np.ones(3, bool))[:, None]

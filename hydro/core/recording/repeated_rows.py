@@ -23,7 +23,10 @@ ALIVE = 0.9
 
 
 def repeated_rows(record: Recording) -> Mask:
-    """Return a mask of the rows that repeat the row before because nothing new was received, (N,)."""
+    """Return a mask of the rows in which the logger received nothing new and repeated the row before, (N,).
+
+    The mask has no true value if the repeats are as regular as those of a slow sensor.
+    """
     motion, none = np.hstack([record.eta, record.nu]), np.zeros(record.rows, bool)
     same, repeated = (np.diff(motion, axis=0) == 0.0).all(axis=1), none.copy()
     for start, stop in record.segments:
@@ -39,7 +42,7 @@ def repeated_rows(record: Recording) -> Mask:
 
 
 def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.DataFrame:
-    """Return the table without samples of pose and velocity in repeated rows.
+    """Return a copy of a raw table with nulls for pose and velocity in repeated rows.
 
     Commands that are repeated too are interpolated, since repeated commands would be late.
 

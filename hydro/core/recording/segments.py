@@ -36,13 +36,17 @@ def sample_time(frame: pl.DataFrame) -> float:
 
 
 def sessions(frame: pl.DataFrame) -> pl.DataFrame:
-    """Return the sessions of a recording in order: `session`, `rows` and `sample_time` [s].
+    """Return a table of the sessions of a recording, in order.
 
     Args:
         frame: A table with `session` and `t` [s].
 
+    Returns:
+        Columns `session`, `rows` and `sample_time` [s]; the last is that of the whole recording.
+
     Raises:
-        DataError: As for `sample_time`.
+        DataError: The table is empty, a session's rows are scattered or its time does not ascend, no session
+            has two rows, or the time is not in seconds.
     """
     listed = frame.group_by("session", maintain_order=True).agg(rows=pl.len().cast(pl.Int64))
     return listed.with_columns(sample_time=pl.lit(sample_time(frame)))
@@ -63,19 +67,23 @@ class Clock(NamedTuple):
 
 
 def clock(frame: pl.DataFrame) -> Clock:
-    """Return the clock of a session, or of a whole recording.
+    """Return the clock of a session, or of a whole recording: number of rows, sample time and segments.
 
     Args:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: As for `segments`.
+        DataError: The table is empty, time does not ascend or is not in seconds, or a step is neither the
+            sample time within 1 % nor a gap.
     """
     return Clock(frame.height, sample_time(frame), segments(frame))
 
 
 def common_sample_time(clocks: Mapping[str, Clock]) -> float:
-    """Return the sample time [s] of separate sessions: the median of theirs.
+    """Return the median of the sample times of separate sessions [s].
+
+    Args:
+        clocks: Clock of each session, by its name.
 
     Raises:
         DataError: The sample time of a session differs from the median by more than 1 %.
@@ -99,7 +107,8 @@ def segments(frame: pl.DataFrame) -> Rows:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: As for `sample_time`; or a step is neither the sample time within 1 % nor a gap.
+        DataError: The table is empty, time does not ascend or is not in seconds, or a step is neither the
+            sample time within 1 % nor a gap.
     """
     sessions, steps, dt = _clock(frame)
     gap = steps > GAP * dt
@@ -117,7 +126,12 @@ def segments(frame: pl.DataFrame) -> Rows:
 
 
 def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
-    """Return a mask of the segments that continue a session after a gap, (S,); other segments start one."""
+    """Return a mask of the segments that continue a session after a gap, (S,); the others start a session.
+
+    Args:
+        frame: A table with `session`.
+        bounds: First row of each segment and the row after its last, (S, 2).
+    """
     names = frame["session"]
     first, before = bounds[:, 0], np.maximum(bounds[:, 0] - 1, 0)
     same = (names.gather(first) == names.gather(before)).to_numpy()
@@ -125,7 +139,7 @@ def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
 
 
 def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
-    """Refuse a raw table with rows that lack samples of a sensor.
+    """Raise an error if a raw table has rows that lack samples of a sensor.
 
     Args:
         raw: Raw table.
@@ -150,7 +164,8 @@ def gaps(frame: pl.DataFrame) -> str:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: As for `segments`.
+        DataError: The table is empty, time does not ascend or is not in seconds, or a step is neither the
+            sample time within 1 % nor a gap.
     """
     bounds = segments(frame)
     after = bounds[resumes(frame, bounds), 0]

@@ -95,7 +95,7 @@ class Faults:
 
 
 def faults(record: Recording) -> Faults:
-    """Find the impossible readings of a recording."""
+    """Return masks of the impossible readings of a recording, such as jumps and frozen values."""
     found = Faults(*(np.zeros((record.rows, len(CHANNELS)), bool) for _ in range(3)))
     errors = pose_error(record, record.nu)
     for i, (places, parts) in enumerate(_sampled(record)):
@@ -132,11 +132,11 @@ def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
 
 
 def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """Correct impossible readings, a gyro's bias and heavy tails of the noise.
+    """Return a recording without impossible readings and a gyro's bias; heavy tails of noise are reduced.
 
     Args:
         vehicle: The vehicle.
-        raw: Raw table.
+        raw: Raw table; it is not changed.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -145,11 +145,11 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """Correct impossible readings; gyros keep their bias.
+    """Return a recording without impossible readings; a gyro's bias and the noise stay.
 
     Args:
         vehicle: The vehicle.
-        raw: Raw table.
+        raw: Raw table; it is not changed.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -173,7 +173,12 @@ def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """Return the recording with the constant bias of gyros subtracted, and the bias among the faults."""
+    """Return a recording with the constant bias of gyros subtracted, and the bias among its faults.
+
+    Args:
+        vehicle: The vehicle.
+        log: Recording with corrected readings; it is returned itself if no bias is significant.
+    """
     rates = rate_bias(log.record)
     bias = {name: float(value) for name, value in zip(RATES, rates, strict=True) if value}
     if not bias:
@@ -183,7 +188,14 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """Return the recording with pseudo-observations of channels with heavy tails; the raw table stays."""
+    """Return a recording whose arrays hold pseudo-observations in channels with heavy tails of noise.
+
+    The raw table stays as it is.
+
+    Args:
+        vehicle: The vehicle.
+        log: Recording with corrected readings; it is returned itself if no channel has heavy tails.
+    """
     tails = heavy_tails(log.record)
     if not tails:
         return log

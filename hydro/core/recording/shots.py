@@ -92,9 +92,13 @@ class Shots:
         return np.asarray(TRUST * np.where(self.seen.any(axis=1), 1.0, UNSEEN_TRUST))
 
     def weights(self, part: slice) -> NDArray[np.bool_] | None:
-        """Return a mask of the samples among the compared values of the shots `part`.
+        """Return a mask of the samples among the compared values of some shots.
 
-        Its shape is (s, length - lead, 12) for s shots; None if every value is a sample.
+        Args:
+            part: Slice of the shots, s of them.
+
+        Returns:
+            Shape (s, length - lead, 12); None if every value is a sample.
         """
         return None if self.seen is None else self.seen[part, self.lead :]
 
@@ -128,16 +132,17 @@ class Shots:
         return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))
 
     def of(self, kept: NDArray[np.bool_]) -> Shots:
-        """Return the shots that the mask `kept` (S,) selects."""
+        """Return a new set of the shots that the mask `kept`, (S,), selects."""
         there = tuple(name for name in ("seen", "swell", "anchor") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
     def anchored(self) -> Shots:
-        """Return the shots with their logged initial states as samples, with the noise of `sigma`.
+        """Return a copy of the shots with `anchor` set: their logged initial states count as samples.
 
-        The weight is 0 for a channel without samples in the shot.  It is 0 in the first row of a segment,
-        where smoothing is one-sided and the vehicle often starts to move.
+        The standard deviation is that of `sigma`, or the error of the smoothed motion if larger.  The weight
+        0 for a channel without samples in the shot.  It is 0 in the first row of a segment, where smoothing
+        one-sided and the vehicle often starts to move.
         """
         error = np.maximum(smoothing_error(self.record, self.eta, self.nu), self.sigma)
         shown = (self.starts > self.record.segments[self.segment, 0])[:, None]
@@ -146,7 +151,11 @@ class Shots:
         return replace(self, anchor=np.where(shown, 1.0 / error, 0.0))
 
     def begun_at(self, record: Recording) -> Shots:
-        """Return the shots with initial states from `record`, the same recording with other filled values."""
+        """Return a copy of the shots with initial states from the smoothed motion of another recording.
+
+        Args:
+            record: The same recording with other values in channels without samples.
+        """
         eta, nu = smoothed(record)
         return replace(self, first=body_states(eta, nu)[self.starts], eta=eta, nu=nu)
 
@@ -159,7 +168,7 @@ def make_shots(
     sigma: Array | None = None,
     most: int | None = None,
 ) -> Shots:
-    """Cut a recording into contiguous shots; of a long recording, keep some, evenly spread.
+    """Return contiguous shots, short stretches of a recording; of a long recording some, evenly spread.
 
     After a gap, shots start half a second later if possible, since the thrust before is unknown.
 
@@ -168,7 +177,7 @@ def make_shots(
         seconds: Compared length of each shot [s].
         lead: Time predicted before the compared part [s]; at least the largest sensor delay that is tried.
         sigma: Noise of the twelve channels; by default estimated from the recording.
-        most: Shots to keep of a long recording, see `evenly`; by default all.
+        most: Maximum number of shots; by default all.
 
     Raises:
         DataError: No segment is as long as one shot.
@@ -263,14 +272,14 @@ def _laid(record: Recording, seconds: float, lead: float) -> tuple[int, int, lis
 
 
 def kept_evenly(count: int, most: int | None) -> Mask:
-    """Return the selection of `evenly` as a mask, (count,)."""
+    """Return a mask of at most `most` of `count` shots, evenly spread, (count,); all if `most` is None."""
     kept = np.zeros(count, np.bool_)
     kept[evenly(count, most)] = True
     return kept
 
 
 def evenly(count: int, most: int | None) -> Rows:
-    """Return ascending indices of at most `most` of `count` shots.
+    """Return ascending indices of at most `most` of `count` shots; all if `most` is None.
 
     One shot is kept in each of `most` equal parts.  Its place in the part follows the golden ratio, so that
     it does not coincide with a rhythm of sessions or manoeuvres.  The selection is deterministic.

@@ -56,13 +56,13 @@ class Design:
     noise: tuple[float, ...]
 
     def at(self, dt: float) -> Design:
-        """Return the design with the same noise and jerk at a sample time of `dt` [s]."""
+        """Return a copy of the design with the same noise and jerk at a sample time of `dt` [s]."""
         return dataclasses.replace(self, dt=dt, ratio=tuple(r * (dt / self.dt) ** 3 for r in self.ratio))
 
     def following(self, times: float) -> Design:
-        """Return a design with the jerk density multiplied by `times`, so that it smooths less.
+        """Return a copy of the design with the jerk density multiplied by `times`, so that it smooths less.
 
-        The noise stays the same.  The ratio q dt^3 / R is at most the largest of RATIOS.
+        The noise stays the same.  The ratio q dt^3 / R is raised at most to the largest of RATIOS.
         """
         most = float(RATIOS[-1])
         return dataclasses.replace(self, ratio=tuple(max(r, min(r * times, most)) for r in self.ratio))
@@ -86,7 +86,7 @@ class Gains(NamedTuple):
 
 
 def gains(design: Design) -> Gains:
-    """Design the filter and the smoother of every axis, until their gains have converged."""
+    """Return the gains of the filter and the smoother of every axis, up to the row where they converge."""
     designed = {ratio: _unit_gains(ratio) for ratio in set(design.ratio)}
     axes = [designed[ratio] for ratio in design.ratio]
     rows = max(len(forward) for forward, _ in axes)
@@ -141,7 +141,15 @@ def _step(state: Array, z: float, gain: Array, dt: float) -> float:
 
 @kernel
 def filter_axis(row: int, state: Array, z: float, gain: Array, dt: float) -> None:
-    """Advance the filter of one axis, (nu, nu_dot) in place, by one sample; see `filter_step`."""
+    """Advance the filter of one axis by one sample; the first sample initialises the filter.
+
+    Args:
+        row: Samples since the start of the segment.
+        state: (nu, nu_dot) of the axis, changed in place, (2,).
+        z: Measured velocity [m/s or rad/s].
+        gain: Gains of (nu, nu_dot) from the innovation at this row, (2,).
+        dt: Time since the last sample [s].
+    """
     if row == 0:
         state[0], state[1] = z, 0.0
     else:
@@ -207,7 +215,7 @@ def smooth(
         bounds: Segments [start, stop), shape (S, 2), that cover all rows; the filter restarts in each.
         design: The filter.
         method: `rts`: two-sided, without delay.  `kalman`: nu and nu_dot of the filter, from past rows alone.
-            `kalman-difference`: the paper's method (IV-B), nu of the filter and its differences.
+            `kalman-difference`: nu of the filter and its differences (Deep Hydro-Sim, IV-B).
         designed: `gains(design)`, if available.
 
     Returns:
@@ -239,6 +247,9 @@ def reach(design: Design) -> int:
     """Return the number of rows on either side on which the smoothed (nu, nu_dot) of a row depend.
 
     A row further away has less than 1e-3 of the largest weight.
+
+    Args:
+        design: Settings of the smoother.
     """
     weights = np.abs(_weights(design))
     heavy = np.flatnonzero((weights > NEGLIGIBLE_WEIGHT * weights.max(axis=0)).any(axis=(1, 2)))
@@ -261,7 +272,7 @@ def _weights(design: Design) -> Array:
 def estimate(
     velocity: ArrayLike, bounds: ArrayLike, dt: float, noise: Sequence[float] | None = None
 ) -> Design:
-    """Estimate each axis' ratio, and its noise unless given, by maximum likelihood of the innovations.
+    """Return a design with the maximum-likelihood ratio of each axis, and the noise unless given.
 
     For the right ratio, innovations e_k are white with variance R s_k, where s_k follows from the ratio.  For
     each ratio of a grid, R is the mean of e_k^2 / s_k (or given); the ratio with the highest likelihood is
@@ -281,13 +292,14 @@ def estimate(
 
 
 def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[float] | None = None) -> Design:
-    """Estimate the design from given windows of a log, so that only their rows need to be read.
+    """Return a design estimated from given windows of a log, so that only their rows need to be read.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].
         within: The windows, as rows [first, last) of `velocity`, shape (W, 2); see `windows`.
         dt: Sample time [s].
-        noise: As for `estimate`.
+        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 means no noise, None
+            that the noise is estimated.
 
     Raises:
         DataError: `noise` is not six finite numbers of at least 0.
@@ -311,7 +323,13 @@ def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[fl
 
 
 def windows(bounds: Rows) -> Rows:
-    """Return at most WINDOWS windows of at most WINDOW rows, evenly spread over the segments, shape (W, 2).
+    """Return at most WINDOWS windows of at most WINDOW rows, evenly spread over segments.
+
+    Args:
+        bounds: Segments [start, stop), shape (S, 2).
+
+    Returns:
+        First row of each window and the row after its last, shape (W, 2).
 
     Raises:
         DataError: No segment has eight rows.

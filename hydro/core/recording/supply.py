@@ -113,14 +113,15 @@ def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | N
 def given_commands(vehicle: Vehicle, effective: Array) -> Array:
     """Return the commands (N, n) in [-1, 1] that have given effective commands at the nominal voltage.
 
-    It is the inverse of `effective_commands`, which has the definition.
+    It is the inverse of `effective_commands`: an effective command gives a thrust by a simple curve, linear
+    quadratic, that the command gives by the thruster's table.
 
     Args:
         vehicle: Vehicle with n thrusters.
         effective: Effective commands (N, n).
 
     Raises:
-        DataError: As for `effective_commands`.
+        DataError: A curve is not a valid table, or has several voltages without a nominal one.
     """
     tables = [table_of(thruster) for thruster in vehicle.thruster]
     if not any(tables):

@@ -37,12 +37,13 @@ def bands(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Predict the motion under commands with 95 % bands.
+    """Return the predicted motion of a vehicle under commands, with 95 % bands.
 
     Args:
         vehicle: The vehicle with its estimated numbers.
         estimates: The estimates, with their covariance.
-        commands: Commands, and initial states if known, as for `simulate`.
+        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`.  Pose and velocity, if given, are initial
+            states in the first row of a session and after a gap; otherwise sessions start at rest.
         draws: Number of vehicles to draw.
         seed: Seed of the draws.
         progress: Called with a few words and the share of the work done.
@@ -104,7 +105,7 @@ def spread(
 
 
 def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.DataFrame:
-    """Return the bands table.
+    """Return the bands table: `session`, `t`, the motion, and the limits `x_low`, `x_high` ... `r_high`.
 
     Args:
         rows: Columns `session` and `t` of N rows.

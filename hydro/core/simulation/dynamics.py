@@ -74,7 +74,7 @@ class Motion(NamedTuple):
 
 @jit
 def afloat(flat: Array, facets: Array) -> Motion:
-    """Return the `Motion` of a vehicle with all states 0, to be initialised.
+    """Return the `Motion` of a vehicle with all states 0, which the caller then initialises.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
@@ -117,7 +117,11 @@ def observe_state(flat: Array, y: Array, s: Array) -> None:
 
 @kernel
 def settle(motion: Motion) -> None:
-    """Set the internal states of the effects to their steady values at the present motion and time."""
+    """Set the internal states of the effects to their steady values at the present motion and time.
+
+    Args:
+        motion: State of the vehicle; its `y` and `s` are changed in place.
+    """
     observe_state(motion.flat, motion.y, motion.s)
     start(motion.flat, motion.s, motion.y[BODY:])
 
@@ -186,9 +190,16 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
 
 @separate
 def respond(flat: Array, s: Array, rotors: Array, x: Array, dx: Array, tau: Array, nu_dot: Array) -> None:
-    """Write the acceleration of CO over ground with the thrust of lag states `rotors` (n,).
+    """Write the acceleration of CO over ground in the body frame, with the thrust of given rotors.
 
-    Other arguments are those of `accelerate`; `tau` is overwritten.
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        s: State of motion.
+        rotors: Lag states of the n thrusters, (n,).
+        x: Internal states of the effects.
+        dx: Output: rates of the internal states.
+        tau: Output: the total wrench about CO that accelerates M, (6,) [N, N m].
+        nu_dot: Output: (6,) [m/s^2, rad/s^2].
     """
     tau[:] = 0.0
     propel(flat, s, rotors, tau)

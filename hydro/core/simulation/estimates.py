@@ -85,7 +85,11 @@ class Estimates:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def frame(self) -> pl.DataFrame:
-        """Return the covariance table: one row for each number, with its correlation with every number."""
+        """Return the covariance table, with a row for each number.
+
+        Its columns are `effect`, `parameter`, `index`, `unit`, `value`, `standard_error` and `correlation`, a
+        list with the correlation with every number.
+        """
         errors = np.maximum(self.errors, np.finfo(float).tiny)
         correlation = np.clip(self.covariance / np.outer(errors, errors), -1.0, 1.0)
         return pl.DataFrame(
@@ -102,7 +106,7 @@ class Estimates:
 
     @classmethod
     def of(cls, frame: pl.DataFrame) -> Estimates:
-        """Read estimates from a covariance table, the result of `frame`."""
+        """Return the estimates that a covariance table, the result of `frame`, contains."""
         entries = tuple(
             Estimate(row["effect"], row["parameter"], tuple(row["index"]), row["unit"], row["value"])
             for row in frame.iter_rows(named=True)
@@ -111,14 +115,17 @@ class Estimates:
         return cls(entries, np.array(frame["correlation"].to_list(), float) * np.outer(errors, errors))
 
     def of_effects(self, names: Sequence[str]) -> Estimates:
-        """Return the estimates of the named effects, marginalised over all other effects."""
+        """Return a new set of the estimates of the named effects, marginalised over all other effects."""
         kept = [i for i, entry in enumerate(self.entries) if entry.effect in names]
         return Estimates(tuple(self.entries[i] for i in kept), self.covariance[np.ix_(kept, kept)])
 
     def after(self, earlier: Estimates | None) -> Estimates:
-        """Return these estimates together with earlier estimates of other effects.
+        """Return a set of these estimates together with earlier estimates of other effects.
 
         An effect in both has its values here.  The two groups are assumed to be independent.
+
+        Args:
+            earlier: Earlier estimates, which come first in the result; None for none.
         """
         if earlier is None:
             return self
@@ -130,7 +137,11 @@ class Estimates:
         return Estimates((*kept.entries, *self.entries), both)
 
     def disagreement(self, vehicle: Vehicle) -> str:
-        """Describe the first number of a vehicle file that differs from these estimates; empty if none."""
+        """Return words for the first number of a file that differs from these estimates; empty if none.
+
+        Args:
+            vehicle: Vehicle file.
+        """
         for entry, error in zip(self.entries, self.errors, strict=True):
             there = number(vehicle, entry)
             if there is None or abs(there - entry.value) > AGREES * error + 1e-9 * abs(entry.value):
@@ -139,10 +150,10 @@ class Estimates:
         return ""
 
     def drawn(self, vehicle: Vehicle, draws: int, seed: int) -> Iterator[Vehicle]:
-        """Draw vehicles whose numbers vary according to the covariance of these estimates.
+        """Yield vehicles whose numbers are drawn from the covariance of these estimates.
 
         Args:
-            vehicle: The vehicle of the estimates.
+            vehicle: The vehicle of the estimates; it is not changed.
             draws: Number of vehicles.
             seed: Seed of the draws.
         """
@@ -180,7 +191,7 @@ def number(vehicle: Vehicle, place: Place) -> float | None:
 
 
 def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Vehicle:
-    """Return the vehicle with new numbers in its effects.
+    """Return a copy of a vehicle with new numbers in its effects.
 
     In a symmetric matrix, both entries of an off-diagonal pair change.
 

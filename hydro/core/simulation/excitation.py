@@ -1,9 +1,10 @@
-"""Excitation: demanded motions of a vehicle whose recording shows its physics (paper IV-A).
+"""Excitation: demanded motions of a vehicle whose recording shows its physics.
 
-A collection is a list of sessions, each of one kind: single-axis sine sweeps in surge, sway, heave and yaw;
-coupled manoeuvres (circles, corkscrews, drift turns); Ornstein-Uhlenbeck walks on all axes; and the
-nine-segment, 90 s sequence of the paper's replay.  A demand is a share of the maximum wrench of the thrusters
-on that axis alone, so it fits any vehicle; `vehicle.control_allocation` converts demands to commands.
+The method is that of Deep Hydro-Sim (Wu et al., section IV-A).  A collection is a list of sessions, each of
+one kind: single-axis sine sweeps in surge, sway, heave and yaw; coupled manoeuvres (circles, corkscrews,
+drift turns); Ornstein-Uhlenbeck walks on all axes; and the nine-segment, 90 s sequence of that paper's
+replay.  A demand is a share of the maximum wrench of the thrusters on that axis alone, so it fits any
+vehicle; `vehicle.control_allocation` converts demands to commands.
 
 All random numbers depend on the seed and the session's number only, not on the order of the work.
 """
@@ -61,7 +62,7 @@ class Session:
 def plan(
     rows: int, seed: int, axes: Sequence[int] = range(6), *, excitation: str = "hybrid"
 ) -> tuple[Session, ...]:
-    """Plan the sessions of a collection; their lengths sum to exactly `rows`.
+    """Return the planned sessions of a collection; their lengths sum to exactly `rows`.
 
     Args:
         rows: Total number of rows.
@@ -99,7 +100,7 @@ def plan(
 
 
 def demands(session: Session, seed: int, dt: float) -> Array:
-    """Return the demanded wrench of a session in every row, as shares of the authority of each axis.
+    """Return the demanded wrench of a session in every row, as fractions of the authority of each axis.
 
     The authority is the maximum wrench of the thrusters on that axis alone.
 
@@ -124,7 +125,11 @@ def demands(session: Session, seed: int, dt: float) -> Array:
 
 
 def holds_heading(kind: str) -> bool:
-    """Return whether sessions of a kind hold their heading: single-axis sweeps except in yaw."""
+    """Return whether sessions of a kind hold their heading: single-axis sweeps except in yaw.
+
+    Args:
+        kind: Kind of excitation, an entry of `DECKS`.
+    """
     return kind in SWEEPS and kind != "sweep_yaw"
 
 
@@ -218,7 +223,7 @@ def _coupled_segments(seconds: float, rng: np.random.Generator) -> list[_Segment
 
 
 def _replay_segments() -> list[_Segment]:
-    """Return nine segments of 10 s: sines in surge, heave, yaw, then circles and drift turns (paper V-B)."""
+    """Return nine segments of 10 s: sines in surge, heave, yaw, then circles and drift turns."""
     rest = np.zeros(6)
     each = REPLAY_SECONDS / 9.0
     return [

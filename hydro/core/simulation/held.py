@@ -28,11 +28,11 @@ WITH_HELD = MOTION + 79
 
 @kernel
 def exert_held(s: Array, tau: Array) -> None:
-    """Add C_K(nu) nu - D nu - h of the held wrench to `tau` (6,), body frame about CO [N, N m].
+    """Add C_K(nu) nu - D nu - h to `tau`, with the held wrench h of a network (the module defines K and D).
 
     Args:
         s: State of motion of length WITH_HELD; nu is the present velocity.
-        tau: Wrench, added to.
+        tau: Wrench about CO in body axes, (6,) [N, N m], added to.
     """
     at = int(s[FELT])
     nu = s[at : at + 6]

@@ -69,7 +69,7 @@ _thrusters_of = jit(thrusters_of)
 
 @jit
 def at_rest(flat: Array) -> Thrusters:
-    """Return the state of the thrusters of a vehicle at rest.
+    """Return the state of the thrusters of a vehicle at rest, with lag states and commands of 0.
 
     Args:
         flat: Compiled vehicle (`effects.program`).

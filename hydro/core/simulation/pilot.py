@@ -36,7 +36,7 @@ class Pilot(NamedTuple):
 
     @classmethod
     def of(cls, crew: Mixing, demand: Array, depth: float, heading: float | None) -> Pilot:
-        """Create the pilot of a session.
+        """Return the pilot of a session.
 
         Args:
             crew: Conversion of demanded wrenches to commands, with the gains of the holds.

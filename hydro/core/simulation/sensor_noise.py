@@ -48,7 +48,7 @@ PROFILES = {
     "ordinary": Noise(velocity=0.01, rate=0.002, position=0.02, attitude=0.001),
     "dvl": Noise(velocity=0.05, rate=0.01, position=0.02, attitude=0.002),
 }
-"""Noise profiles by name: none, an ordinary navigation suite, and the paper's DVL (III-D)."""
+"""Noise profiles by name: none, an ordinary navigation suite, and the DVL of Deep Hydro-Sim (III-D)."""
 
 
 def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:

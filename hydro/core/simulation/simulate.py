@@ -30,7 +30,7 @@ INTEGRATION_RATE = 500.0
 
 
 def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
-    """Simulate a vehicle under recorded or designed commands.
+    """Return the simulated motion of a vehicle under recorded or designed commands.
 
     Args:
         vehicle: The vehicle with all its effects; effects of its sensors act on the returned motion.

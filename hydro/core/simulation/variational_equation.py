@@ -129,7 +129,7 @@ class Middle(NamedTuple):
 
 @jit
 def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carried: bool) -> Deviations:
-    """Initialise deviations at the start of a motion.
+    """Return the deviations at the start of a motion, with their workspace.
 
     Args:
         changes: The P parameters.

@@ -65,7 +65,7 @@ class Mixing:
 
 
 def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
-    """Compute authority, allocation and hold gains of a vehicle.
+    """Return the constants of a vehicle for control allocation: authority, allocation and gains of the holds.
 
     Args:
         vehicle: Vehicle file; thruster effects such as gains are ignored, since a pilot does not know them.
@@ -99,7 +99,7 @@ TURNING = (3, 4, 5)
 
 
 def with_servos(crew: Mixing, wrenches: Array) -> Mixing:
-    """Return constants with which fin servos produce the moments that no thruster can produce.
+    """Return a copy of the constants with which fin servos produce the moments that no thruster can produce.
 
     A demanded moment then gives commands of the servos, computed for the moments of the fins at one speed.
     The forces of the fins are ignored.

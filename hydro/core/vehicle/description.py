@@ -130,7 +130,7 @@ class Vehicle(_Part, frozen=True):
     effect: tuple[dict[str, Any], ...] = ()
 
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
-        """Return all effect tables with a name, either a name in this file or one of the catalogue.
+        """Return the `[[effect]]` tables with a given name, either a name in this file or in the catalogue.
 
         Args:
             name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
@@ -138,17 +138,25 @@ class Vehicle(_Part, frozen=True):
         return tuple(entry for entry in self.effect if name in called(entry))
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the distinct names in this file of all effects with a catalogue name."""
+        """Return the distinct names in this file of the effects that are called by a name.
+
+        Args:
+            name: Name in the catalogue, such as `control_surface`, or in this file.
+        """
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
     def without(self, name: str) -> Vehicle:
-        """Return the vehicle without the effects that have a name, in this file or in the catalogue."""
+        """Return a copy of the vehicle without the effects of a given name.
+
+        Args:
+            name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
+        """
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
 
 
 def require_names(vehicle: Vehicle) -> None:
-    """Refuse a vehicle or a thruster with a name that violates the rule of `vehicle.names`.
+    """Raise an error if the vehicle or a thruster has a name that violates the rule of `vehicle.names`.
 
     Raises:
         DataError: A name is invalid; the message starts with the path in the vehicle file.
@@ -193,13 +201,16 @@ def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def told_apart(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with a unique name for each effect, as used in memory."""
+    """Return a copy of the vehicle with a unique name for each effect, as used in memory.
+
+    The names are those of `own_names`, such as `control_surface:rudder`.
+    """
     pairs = zip(vehicle.effect, own_names(vehicle.effect), strict=True)
     effects = tuple(table if table.get("name") == name else {**table, "name": name} for table, name in pairs)
     return msgspec.structs.replace(vehicle, effect=effects)
 
 
 def as_written(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with the catalogue's names of the effects, as written in a file."""
+    """Return a copy of the vehicle with the catalogue's names of the effects, as written in a file."""
     effects = tuple({**table, "name": called(table)[1]} for table in vehicle.effect)
     return msgspec.structs.replace(vehicle, effect=effects)

@@ -234,10 +234,13 @@ def euler_from_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def swap_frd_flu(x: ArrayLike) -> Array:
-    """Convert vectors, twists or wrenches from FRD to FLU axes, or back: a half-turn about x.
+    """Return vectors, twists or wrenches converted from FRD to FLU axes, or back: a half-turn about x.
 
     Args:
         x: Vectors of shape (..., 3), or twists and wrenches of shape (..., 6).
+
+    Returns:
+        A new array of the same shape.
 
     Raises:
         DataError: The last axis has neither 3 nor 6 components.
@@ -249,12 +252,15 @@ def swap_frd_flu(x: ArrayLike) -> Array:
 
 
 def swap_quaternion(quaternion: ArrayLike) -> Array:
-    """Return rotations from FLU to the z-up world from rotations from FRD to NED, or back: F R F.
+    """Return rotations from FLU to the z-up world, given rotations from FRD to NED, or the reverse.
 
-    F is the half-turn about x.
+    The conversion is F R F, with the half-turn F about x.
 
     Args:
-        quaternion: Rotations (w, x, y, z), (..., 4).
+        quaternion: Rotations R as quaternions (w, x, y, z), (..., 4).
+
+    Returns:
+        Quaternions, (..., 4).
     """
     turned: Array = np.asarray(quaternion, float) * np.concatenate([[1.0], HALF_TURN])
     return turned

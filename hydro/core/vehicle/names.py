@@ -15,7 +15,7 @@ _NAME = re.compile(PATTERN)
 
 
 def require(named: Mapping[str, str]) -> None:
-    """Refuse names in a vehicle file that violate the rule for names, ALLOWED.
+    """Raise an error if a name in a vehicle file violates the rule for names, ALLOWED.
 
     Args:
         named: Names by their paths in the vehicle file.

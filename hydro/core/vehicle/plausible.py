@@ -61,10 +61,10 @@ def between(low: float, high: float, unit: str, source: str) -> Plausible:
 
 
 def of_weight(share: float, words: str, source: str) -> Plausible:
-    """Return the plausible range of a force up to a share of the vehicle's weight [N], in both directions.
+    """Return the plausible range of a force: plus or minus a fraction of the vehicle's weight [N].
 
     Args:
-        share: Share of the weight.
+        share: The fraction.
         words: The range in words.
         source: Source of the range.
     """
@@ -77,7 +77,7 @@ def of_weight(share: float, words: str, source: str) -> Plausible:
 
 
 def within_box(times: float, words: str, source: str, axis: int | None = None) -> Plausible:
-    """Return the plausible range of a position on the vehicle, relative to CO, in both directions [m].
+    """Return the plausible range of a coordinate of a point on the vehicle, on either side of CO [m].
 
     Args:
         times: Greatest distance in half lengths of the hull's box.
@@ -94,13 +94,16 @@ def within_box(times: float, words: str, source: str, axis: int | None = None) -
 
 
 def symmetric(most: Callable[[Vehicle], Array]) -> Range:
-    """Return the range of the entries of a symmetric matrix, given the maxima of its diagonal.
+    """Return a function that gives the plausible range of each entry of a symmetric matrix.
 
     In a positive semi-definite matrix, an off-diagonal entry is at most the geometric mean of the two
     diagonal entries in its row and column (Cauchy-Schwarz).
 
     Args:
         most: Function from a vehicle to the maxima of the diagonal, (6,).
+
+    Returns:
+        Function from the index of an entry and a vehicle to the entry's minimum and maximum.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -115,12 +118,15 @@ def symmetric(most: Callable[[Vehicle], Array]) -> Range:
 
 
 def of_entry(range_: Range, i: int, j: int) -> Range:
-    """Return the range of a parameter that is one entry of a matrix.
+    """Return a function that gives the plausible range of a parameter that is one entry of a matrix.
 
     Args:
-        range_: Range of the entries of the matrix, such as the result of `symmetric`.
+        range_: Function that gives the range of an entry, such as the result of `symmetric`.
         i: Row of the entry.
         j: Column of the entry.
+
+    Returns:
+        Function from an index, which is ignored, and a vehicle to the entry's minimum and maximum.
     """
     return lambda index, vehicle: range_((i, j), vehicle)
 

@@ -48,14 +48,19 @@ COLUMNS = 20
 
 
 def same_states(table: Array, other: Array) -> bool:
-    """Return whether two thruster tables give the same lag states for the same commands."""
+    """Return whether two thruster tables give the same lag states for the same commands.
+
+    Args:
+        table: First table, (n, COLUMNS).
+        other: Second table.
+    """
     after = {*range(COLUMNS)[UNIT_WRENCH], GAIN, ASYMMETRY, INFLOW, REACTION}
     before = [c for c in range(COLUMNS) if c not in after]
     return table.shape == other.shape and np.array_equal(table[:, before], other[:, before])
 
 
 def configuration_matrix(vehicle: Vehicle) -> Array:
-    """Return the configuration matrix B: wrench about CO per newton of each of n thrusts, (6, n); paper (10).
+    """Return the configuration matrix B, (6, n): the wrench about CO per newton of each of n thrusts.
 
     It contains the placements in the file, without the reaction torques of actuator effects; for these see
     `UNIT_WRENCH` of `effects.thruster_table`.
@@ -121,7 +126,7 @@ _remembered = lru_cache(maxsize=64)(_table)
 
 
 def table_of(thruster: Thruster) -> ThrustTable | None:
-    """Return the table of thrust by command and voltage of a thruster; None for a simple curve.
+    """Return the table of a thruster's thrust by command and supply voltage; None for a simple curve.
 
     Raises:
         DataError: The file's numbers are not a valid table.
@@ -405,7 +410,7 @@ def thrusts(
     after_gap: ArrayLike | None = None,
     nu_r: ArrayLike | None = None,
 ) -> Array:
-    """Return the thrusts at every row of a log; paper (10).
+    """Return the thrusts at every row of a log, (N, n) [N].
 
     Args:
         table: Table of n thrusters, (n, COLUMNS): that of `effects.thruster_table`, which contains the
