@@ -173,8 +173,9 @@ def evaluate(
         models: trained models with different names, from `hydro.train` or `hydro.read_model`.
         labels: split table; or a labels table, if `part` is `all`.
         part: part of the split table to measure on.
-        by: regimes to measure in addition to all rows: of `speed`, of `drift` angle, or of `reach`, the
-            distance from the training data; see `hydro evaluate --help`.
+        by: divisions of the rows by motion, each measured in addition to all rows: by `speed`; by `drift`,
+            the angle between velocity and bow; or by `reach`, the greatest deviation of the six velocities
+            from the means of the training data, in standard deviations. () measures all rows together only.
         dataset: name of the data in the result.
 
     Returns:
