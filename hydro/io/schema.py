@@ -116,7 +116,11 @@ class Schema:
         return "sha256:" + hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
     def columns(self, names: Iterable[str]) -> dict[str, Field]:
-        """Return the fields by column name, in order; repeated fields occur as often as in `names`."""
+        """Return the fields of a table by column name, in the schema's order.
+
+        Args:
+            names: Columns of the table; a repeated field occurs as often as its columns are among them.
+        """
         names = set(names)
         times: dict[str, int] = {}
         for field in self.fields:
@@ -271,6 +275,10 @@ def suited(kind: str, frame: pl.DataFrame) -> Schema:
     """Return the first version of a kind's schema that allows the nulls and columns of a table.
 
     If none does, return the first version, whose check then gives the error.
+
+    Args:
+        kind: Kind of table, such as `raw`.
+        frame: The table; not changed.
 
     Raises:
         DataError: There is no such kind.

@@ -136,7 +136,7 @@ class Setup:
     folder: Path | None = None
 
     def student(self, variant: Variant, vehicle: Vehicle, count: int) -> Student:
-        """Return MuJoCo models of `count` vehicles for a variant."""
+        """Return a new simulation in MuJoCo of `count` equal vehicles with the water forces of a variant."""
         water = _water(variant, vehicle, self._control)
         return Student(
             vehicle, water, count=count, physics=self.physics, threads=self.threads, folder=self.folder
@@ -165,7 +165,7 @@ def replay(
     Args:
         vehicle: Vehicle file of the recording.
         raw: Raw table.
-        flown: Variants, see `variants`.
+        flown: Variants of the water model, from `variants`.
         setup: Settings; by default the paper's, except the lead.
         dataset: Name of the recording in the metrics.
         piece: Also measure the errors of every piece of this length [s] of each session, such as the segments
@@ -173,11 +173,12 @@ def replay(
         progress: Called with the name of a variant, the rows done of the longest segment, and its total.
 
     Returns:
-        Series and metrics.  The series have the columns of `schemas/replay.json`, with the recording as
-        variant `measured`; a diverged flight ends where it diverges.  The metrics are those of
-        `evaluation.metrics.measure`, and shares of the control steps in which the conditioning acted:
-        `clipped` by axis, and `held_back` by the dead band.  If a flight diverged, `diverged` is the time in
-        the first such segment.
+        A pair of frames, series and metrics.  The series, one row per variant and time, have the columns of
+        `schemas/replay.json`, with the recording as variant `measured`; a diverged flight ends where it
+        diverges.  The metrics have root mean square error, mean absolute error and R^2 of each velocity, with
+        95 % intervals, and shares of the control steps in which the conditioning acted: `clipped` by axis,
+        and `held_back` by the dead band.  If a flight diverged, `diverged` is the time in the first such
+        segment.
 
     Raises:
         DataError: The table does not fit the vehicle, or a model cannot run with its effects.

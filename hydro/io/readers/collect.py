@@ -163,6 +163,6 @@ class _Receipt:
 
 
 def unfit(error: Exception) -> str:
-    """Return the reason, in words, why a topic is not read: its messages do not fit their declared type."""
+    """Return a sentence on why a topic is not read: its messages do not fit their declared type."""
     reason = shown((str(error) or type(error).__name__).splitlines()[0][:120])
     return f"its messages do not fit the definition of their type ({reason}): give another with --msg DIR"

@@ -79,7 +79,7 @@ class Conditioning:
         return self.beta if self.weighs == "old" else 1.0 - self.beta
 
     def parameters(self) -> Array:
-        """Return the parameters of `condition_kernel`, shape (9,)."""
+        """Return all settings as one array (9,), for `condition_kernel`."""
         return np.array([self.keep, *self.limits, self.linear_deadband, self.angular_deadband])
 
 
@@ -132,7 +132,12 @@ def preset(name: str, vehicle: Vehicle) -> Conditioning:
 
 
 def clipping(vehicle: Vehicle, headroom: float = HEADROOM) -> tuple[float, ...]:
-    """Return clipping limits [N, N m] in multiples of the thrusters' authority on each axis."""
+    """Return the clipping limit of each axis [N, N m], six numbers; infinite on an axis without thrust.
+
+    Args:
+        vehicle: Vehicle, whose thrusters determine the limits.
+        headroom: Limit in multiples of the greatest wrench of the thrusters on the axis.
+    """
     strongest = thruster_table(vehicle)[:, [MAX_THRUST, MAX_REVERSE]].max(axis=1)
     authority = headroom * np.abs(configuration_matrix(vehicle)) @ strongest
     return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
