@@ -38,7 +38,7 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return the errors of a replay by piece of the recording: a row per piece and variant, a column per axis.
+    """Return the errors of a replay by piece of the recording: one row per piece and variant.
 
     Args:
         metrics: Metrics of one replay that was measured by piece.

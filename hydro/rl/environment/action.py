@@ -21,7 +21,7 @@ YAW = 5
 
 
 def crew_of(vehicle: Vehicle) -> Mixing:
-    """Return the allocation matrices that turn a demanded wrench into commands of a vehicle's thrusters.
+    """Return the allocation that turns a demanded wrench into commands of a vehicle's thrusters.
 
     On axes without thrust, servos of fins take the demand.
 

@@ -31,14 +31,15 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
     Args:
         actor: Policy or pilot.
         fleet: One vehicle per episode, with task and level set.
-        spare: Number of failures allowed; the next failure stops all flights.  Unfinished episodes are then
-            dropped.
+        spare: Number of failures allowed; the next failure stops all flights, and unfinished episodes are
+            then dropped.  None flies all episodes to their ends.
         paths: Whether to plan the paths of tasks that arrive, for their tracking errors; this takes longer
             than the flights.  The path of a course is the line through its waypoints.  If some episodes are
             unfinished, there are no tracking errors either.
 
     Returns:
-        A table of kind `episodes`, one row per finished episode.
+        A table of kind `episodes`, one row per finished episode: `task`, `level`, outcome and totals,
+        `tracking_error` [m], `alternating`, and the positions of `start` and `goal`.
     """
     observations = fleet.reset()
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
@@ -182,7 +183,7 @@ def _episode_row(step: Step, k: int, period: float) -> dict[str, Any]:
 
 
 def summary(episodes: pl.DataFrame) -> dict[str, Any]:
-    """Summarise the test flights of a policy.
+    """Return the results of the test flights of a policy as a dict.
 
     Args:
         episodes: Table of `fly`, one row per episode.
