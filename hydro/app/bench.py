@@ -193,7 +193,11 @@ class Bench:
     # 1, Load
 
     def choose(self, logs: tuple[str, ...]) -> bool:
-        """Choose the recording to open; return whether the menus must show another choice."""
+        """Choose the recording to open; return True if the menus must be drawn again with another choice.
+
+        Args:
+            logs: A raw table, or the logs of one dive, in the order in which they were chosen.
+        """
         choice = self.tab.choice
         vehicle = choice.vehicle
         choice.choose(logs, opening.sample()[0])
@@ -509,7 +513,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def offered(self, effect: str) -> list[Slider]:
-        """Return the sliders of an effect, whose moves are accepted from now on."""
+        """Return the sliders of an effect; from now on, the bench accepts their moves."""
         found = self.session.sliders(effect)
         self._sliders |= {one.key: one for one in found}
         return found

@@ -48,7 +48,7 @@ class WaypointCourse(Task):
         return round(course.count * leg_lengths(settings)[1] / course.pace / settings.period)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of a task without obstacles, with the success reward scaled by the time limit."""
+        """Return the weights of a task without obstacles; the success reward grows with the time limit."""
         given = settings.reward
         times = max(1.0, self.steps(settings) / settings.task.steps)
         return replace(given, obstacle=0.0, near=0.0, success=times * given.success)
