@@ -43,7 +43,7 @@ def labels(
         vehicle: vehicle that was recorded, from `hydro.vehicle`.
         raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
         acceleration: how accelerations are computed: `rts`, a two-sided smoother; `kalman`, a causal filter;
-            `kalman-difference`, differences of filtered velocity as in the paper.
+            `kalman-difference`, differences of filtered velocity as in Wu et al.
         noise: six standard deviations: of u, v, w [m/s] and p, q, r [rad/s]; by default estimated from the
             recording.
         subtract: effects of the vehicle that the label excludes: `inertia`, its added mass, or all `effects`.
@@ -122,7 +122,7 @@ def train(
     centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
-    """Train a residual network on the training part of a split table, by the protocol of the paper.
+    """Train a residual network on the training part of a split table, with early stopping.
 
     Args:
         split: split table, from `hydro.split`.

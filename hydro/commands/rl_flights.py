@@ -156,8 +156,8 @@ def flight_of(
         last: Use the last policy, not the one that passed the task.
 
     Returns:
-        The policy, None for a vehicle file; the tables from which it was learnt, none for a vehicle file; the
-        builder of fleets; the task; and its level.
+        The policy, None for a vehicle file; a list with the table of the policy, empty for a vehicle file;
+        the builder of fleets; the task; and its level.
     """
     alone = is_vehicle(run)
     policy, learnt, builder = (

@@ -82,7 +82,7 @@ def evaluate(
     dataset: str = "labels",
     by: Sequence[str] = (),
 ) -> pl.DataFrame:
-    """Measure the errors of models on labels, per axis and over all axes (Table II of the reference paper).
+    """Measure the errors of models on labels, per axis and over all axes (Table II of Wu et al.).
 
     Args:
         models: trained models with different names.

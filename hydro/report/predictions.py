@@ -22,7 +22,7 @@ TAIL = 0.1
 
 
 def density_table(truth: NDArray[Any], predicted: NDArray[Any]) -> pl.DataFrame:
-    """Return the joint histogram of true and predicted wrenches (Fig. 3 of the reference paper), as a table.
+    """Return the joint histogram of true and predicted wrenches (Fig. 3 of Wu et al.), as a table.
 
     Args:
         truth: Labels (N, 6) [N, N m].
@@ -85,7 +85,7 @@ def _draw_cells(panel: Axes, rows: pl.DataFrame, title: str) -> None:
 
 
 def draw_axes(metrics: pl.DataFrame) -> Figure:
-    """Draw the errors of models by axis, with 95 % intervals (Fig. 2 of the reference paper).
+    """Draw the errors of models by axis, with 95 % intervals (Fig. 2 of Wu et al.).
 
     Args:
         metrics: Metrics of predicted wrenches.

@@ -11,7 +11,7 @@ PIECE_SUFFIX = r" ([\d.]+-[\d.]+ s)$"
 
 
 def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return the errors of a replay as in the paper's Table III: a row per variant, a column per velocity.
+    """Return the errors of a replay as in Table III of Wu et al.: a row per variant, a column per velocity.
 
     Args:
         metrics: Metrics of one replay.
@@ -82,7 +82,7 @@ def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return the errors of models over all rows, as in Table II and Fig. 2 of the reference paper.
+    """Return the errors of models over all rows, as in Table II and Fig. 2 of Wu et al..
 
     Args:
         metrics: Metrics of predicted wrenches.

@@ -27,7 +27,7 @@ _TIME = mujoco.mjtState.mjSTATE_TIME
 
 @dataclass(frozen=True)
 class Physics:
-    """Step and integrator of MuJoCo; the paper's 500 Hz by default.
+    """Step and integrator of MuJoCo; by default 500 Hz as in Wu et al..
 
     Attributes:
         timestep: Physics step [s].

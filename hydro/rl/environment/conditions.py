@@ -38,7 +38,7 @@ class Condition:
     Attributes:
         name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB.
             `R_0+M_A`: as with a residual model, with the same added mass and conditioning, but the model's
-            output is zero.  This is the paper's R_0 if only the network differs between conditions.
+            output is zero.  This is R_0 of Wu et al. if only the network differs between conditions.
             `R_MLP`, `R_PhysFeat` or `R_structured`: a residual model.
             `R_effects`: all effects of the vehicle file.
             `R_identified`: the same, for a file that was identified from data.

@@ -72,7 +72,7 @@ class Guidance:
             positions: (N, 3), NED [m].
 
         Returns:
-            Smoothed points ahead (N, 3), NED [m], and weighted cross-track costs (N,) (eq. 9 of the paper).
+            Smoothed points ahead (N, 3), NED [m], and weighted cross-track costs (N,) (eq. 9 of Wu et al.).
             Rows outside the mask have no meaning.
         """
         cost = np.zeros(len(positions))

@@ -25,7 +25,7 @@ def _require_counts(counts: Mapping[str, int]) -> None:
 
 @dataclass(frozen=True)
 class SACConfig:
-    """Settings of soft actor-critic; those of the paper (IV-C) where it gives them.
+    """Settings of soft actor-critic; those of Wu et al. (IV-C) where they give them.
 
     Attributes:
         layers: Widths of the hidden layers of actor and critics.

@@ -125,7 +125,7 @@ def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
 def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
     """Return the water forces of a vehicle's thrusters alone, including effects on thrusters.
 
-    MuJoCo's own C_RB stays.  There is no C_A, which is part of a residual model (paper eq. 6).
+    MuJoCo's own C_RB stays.  There is no C_A, which is part of a residual model (Wu et al., eq. 6).
 
     Args:
         vehicle: Vehicle file.

@@ -101,9 +101,11 @@ OFF = Conditioning()
 
 
 def preset(name: str, vehicle: Vehicle) -> Conditioning:
-    """Return a conditioning by name: none, the paper's with either meaning of beta = 0.9, or one part of it.
+    """Return a conditioning by name: none, that of Wu et al., or one part of it.
 
-    The paper gives neither limits nor the width of the dead band.  Limits are twice the greatest wrench of
+    Their low-pass has beta = 0.9, which may weigh the old or the new value.
+
+    Wu et al. give neither limits nor the width of the dead band.  Limits are twice the greatest wrench of
     the thrusters on an axis, since a steady residual balances the thrusters; an axis without thrust has no
     limit. The dead band is 0.02 m/s and 0.02 rad/s.
 

@@ -79,7 +79,7 @@ class Control:
         period: Control step [s].
         design: Filter for nu_dot, for any sample time; by default one that trusts every sample.
         conditioning: Conditioning of the network's wrench.
-        lead: Time by which the network is evaluated ahead, as a share of the control step; 0 as in the paper.
+        lead: Time by which the network is evaluated ahead, as a share of the control step; 0 as in Wu et al.
             A passive model needs no lead and gets none.
     """
 
