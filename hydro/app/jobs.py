@@ -142,7 +142,13 @@ def open_recording(
 
 
 def compare(opened: Opened, vehicle: Vehicle, report: Report) -> Compared:
-    """Compare a vehicle with a recording: errors, noise floor, and the places where it fails."""
+    """Compare a vehicle with a recording: errors, noise floor, and the places where the vehicle fails.
+
+    Args:
+        opened: The recording.
+        vehicle: The vehicle.
+        report: Receives progress.
+    """
     log = opened.log
     table = measure(vehicle, log.raw, record=log.observed, progress=_progress(report))
     return Compared(table, place_times(table, vehicle, log.record, log.sessions))

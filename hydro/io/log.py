@@ -364,7 +364,7 @@ def numeric(values: pl.Series) -> bool:
 
 
 def seconds(values: pl.Series) -> pl.Series:
-    """Convert a column of durations to seconds."""
+    """Return a column of durations as numbers [s]."""
     return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 

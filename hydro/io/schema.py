@@ -305,7 +305,12 @@ def versions(kind: str) -> list[Schema]:
 
 
 def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
-    """Return the version of a schema with the fewest unknown columns in a table; of equal ones, the first."""
+    """Return the version of a schema with the fewest unknown columns in a table; of equal ones, the first.
+
+    Args:
+        rules: Versions of the schema.
+        names: Columns of the table.
+    """
     given = set(names)
     return min(rules, key=lambda one: len(given - one.columns(given).keys()))
 

@@ -108,7 +108,11 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def relative(ratio: float | None) -> str:
-    """Return words for an error in a regime, as a multiple of the axis' error in all motion; or nothing."""
+    """Return an error in a regime as words, `; 2.1 times the average of this axis`; empty for None.
+
+    Args:
+        ratio: Error in the regime, divided by the error of the axis over all motion.
+    """
     return "" if ratio is None else f"; {ratio:.1f} times the average of this axis"
 
 

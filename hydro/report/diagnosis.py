@@ -256,7 +256,12 @@ def title(row: Mapping[str, Any], about: Context) -> str:
 
 
 def said(row: Mapping[str, Any], about: Context) -> str:
-    """Return the sentence on the fitted values of a finding; empty without values."""
+    """Return the sentence on the fitted values of a finding; empty without values.
+
+    Args:
+        row: Row of the diagnosis table.
+        about: Other data of the answer.
+    """
     if not row["parameters"] or row["effect"] not in CATALOGUE:
         return ""
     values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))

@@ -110,7 +110,13 @@ class Call:
         return self.again("diagnose", "--next-run", "next.parquet", "-o", kept)
 
     def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
-        """Return the words of a command on the same inputs; None if the inputs cannot be read again."""
+        """Return the words of another command on the same inputs; None if they cannot be read again.
+
+        Args:
+            name: Name of the command.
+            more: Words to append.
+            without: Options that the command does not have.
+        """
         return self.command(name, *more, without=without) if self.repeatable else None
 
     def of(self, vehicle: Path) -> Call:

@@ -120,7 +120,12 @@ def in_short(row: dict[str, Any]) -> str:
 
 
 def values(effect: str, parameters: str, errors: str) -> list[Value]:
-    """Return the fitted numbers of an effect from its inline TOML, one by one.
+    """Return the fitted numbers of an effect, one by one, with their standard errors.
+
+    Args:
+        effect: Name of the effect.
+        parameters: Values by parameter, as the text of an inline TOML table.
+        errors: Standard errors in the same form.
 
     Raises:
         DataError: The text is not inline TOML.
@@ -205,7 +210,12 @@ def by_unit(found: Sequence[Value]) -> list[list[Value]]:
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number with three significant figures, in plain notation if that is short; a dash for none."""
+    """Return a number as text, in plain notation if that is short; a dash for None.
+
+    Args:
+        value: The number.
+        digits: Number of significant figures.
+    """
     if value is None or not math.isfinite(value):
         return "–"
     if value == 0.0:

@@ -34,7 +34,7 @@ class Readings(NamedTuple):
 
     @classmethod
     def of(cls, count: int, thrusters: int) -> Readings:
-        """Return the readings of `count` vehicles at rest at the origin."""
+        """Return the readings of `count` vehicles with `thrusters` thrusters each, at rest at the origin."""
         pose, diverged = np.zeros((count, 7)), np.zeros(count, dtype=np.bool_)
         pose[:, 3] = 1.0
         return cls(pose, np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, thrusters)), diverged)

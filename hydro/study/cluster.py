@@ -145,7 +145,10 @@ class Cluster:
         return [node for node in found if node[2]]
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Run a function once on every node, and refuse nodes with another version of hydro or Python.
+        """Refuse nodes with another version of hydro or Python, and run a function once on every node.
+
+        Args:
+            warm: Function to run, such as one that compiles kernels; None only checks the nodes.
 
         Raises:
             DataError: A node has another version, or does not see this folder.

@@ -94,7 +94,12 @@ def _written(
 
 
 def warm(part: Part, start: Vehicle) -> None:
-    """Compile the kernels of a diagnosis by diagnosing the first rows of a session."""
+    """Compile the kernels of a diagnosis by diagnosing the first rows of a session; nothing is written.
+
+    Args:
+        part: The session.
+        start: The vehicle.
+    """
     rows = partitions.scan(part.path)
     with contextlib.suppress(DataError):  # the diagnosis of the whole session reports such an error
         dt = sample_time(rows.select("session", "t").head(FEW).collect())

@@ -167,7 +167,12 @@ def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
 
 
 def warm(part: Part, how: Labelling) -> None:
-    """Compile the kernels for labels, with the first rows of a session."""
+    """Compile the kernels for labels with the first rows of a session; nothing is written.
+
+    Args:
+        part: The session.
+        how: Settings of the labels.
+    """
     head = partitions.scan(part.path).head(WARM).collect()
     rows = table.make(part.kind, head, stage="warm")
     with contextlib.suppress(DataError):  # labelling the whole session reports such an error

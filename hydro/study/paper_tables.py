@@ -82,9 +82,11 @@ def _training(study: Study, run: Run, ledger: dict[str, dict[str, str]]) -> dict
 
 
 def divergence(curves: pl.DataFrame, evaluations: pl.DataFrame) -> str:
-    """Return the kind of divergence of a training, from its tables; an empty text without one.
+    """Return the kind of divergence of a training: `numerical`, `critic`, `success`, or an empty text.
 
-    The kinds are those of `training.divergence`: `numerical`, `critic`, and `success`.
+    Args:
+        curves: Curves of the training: losses of the critic, and episodes that diverged numerically.
+        evaluations: Its evaluations without exploration.
     """
     import numpy as np
 

@@ -102,6 +102,12 @@ def dives_of(
 
     Names are those of sessions, and of files without their suffix; files of the same name keep their folders.
 
+    Args:
+        sources: Paths of raw tables, logs, and folders of sessions.
+        map_: Map of the logs; None for tables.
+        definitions: Folder with `.msg` files, or None.
+        vehicle: Vehicle file with which imported logs are checked.
+
     Raises:
         DataError: Two dives have the same name.
     """

@@ -68,7 +68,11 @@ class Listed:
 
 
 def inventory(stream: Iterable[Item]) -> list[Listed]:
-    """List the topics of a log, in order of appearance, without keeping a message."""
+    """Return a summary of each topic of a log, in order of appearance, without keeping a message.
+
+    Args:
+        stream: Messages of the log.
+    """
     found: dict[Topic, Listed] = {}
     for topic, received, raw in stream:
         entry = found.get(topic)

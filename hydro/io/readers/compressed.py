@@ -76,7 +76,12 @@ def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
 
 
 def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
-    """Decompress a file into another.
+    """Decompress the file `path` into the file `target`.
+
+    Args:
+        path: Compressed file.
+        target: File to write.
+        expansion: Count of the expanded bytes, with its limit.
 
     Raises:
         DataError: The data expand beyond the limit.

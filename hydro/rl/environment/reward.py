@@ -36,7 +36,7 @@ SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]
 
 @functools.lru_cache(maxsize=64)
 def weights(reward: Reward) -> Array:
-    """Return the weights as a read-only array (WEIGHTS,), at the indices SHAPING to HASTE."""
+    """Return the weights as a read-only array (WEIGHTS,) of numbers, at the indices SHAPING to HASTE."""
     array = np.array(dataclasses.astuple(reward), dtype=np.float64)
     array.flags.writeable = False
     return array

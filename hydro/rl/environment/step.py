@@ -136,7 +136,7 @@ def distance(goal: Array, pose: Array) -> float:
 def step_kernel(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, actions: Array, outcome: Outcome
 ) -> None:
-    """Compute rewards, ends of episodes and totals of all vehicles; `episodes` and `outcome` are written.
+    """Write rewards and flags of all vehicles, and update the totals of their episodes.
 
     Args:
         rules: Constants that decide collisions, excess speed and energy.
@@ -144,7 +144,7 @@ def step_kernel(
         scenes: Tasks.
         episodes: State of the episodes before the step; updated.
         actions: Actions of this step (N, 6).
-        outcome: Rewards and flags of this step.
+        outcome: Rewards and flags of this step, written.
     """
     for k in range(actions.shape[0]):
         score(k, rules, motion, scenes, episodes, actions[k], outcome)
@@ -154,9 +154,16 @@ def step_kernel(
 def score(
     k: int, rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, action: Array, outcome: Outcome
 ) -> None:
-    """Compute reward, flags and totals of vehicle `k`.
+    """Write reward and flags of vehicle `k`, and update the totals of its episode.
 
-    The arguments are those of `step_kernel`, with the action (6,) of this vehicle alone.
+    Args:
+        k: Index of the vehicle.
+        rules: Constants that decide collisions, excess speed and energy.
+        motion: Motion of all vehicles after the step.
+        scenes: Tasks of all vehicles.
+        episodes: State of all episodes; row `k` is updated.
+        action: Action of this step (6,) of this vehicle.
+        outcome: Rewards and flags of all vehicles; those of vehicle `k` are written.
     """
     w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
     away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])

@@ -142,7 +142,12 @@ class Flight(NamedTuple):
 
 
 def trace(actor: Actor, fleet: Fleet) -> Flight:
-    """Fly one episode with a fleet of one vehicle that has not flown yet, and record the flight."""
+    """Fly one episode with one vehicle, and return the recorded flight.
+
+    Args:
+        actor: Policy or pilot.
+        fleet: Fleet of one vehicle that has not flown yet.
+    """
     observations = fleet.reset()
     goal, pillars = fleet.goals[0].copy(), fleet.pillars[0]
     standing = pillars[np.isfinite(pillars).all(axis=1)].copy()
@@ -212,6 +217,11 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
 
 
 def interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return Wilson's 95 % confidence interval, low and high, of the probability of success."""
+    """Return the low and the high end of Wilson's 95 % confidence interval of a probability of success.
+
+    Args:
+        successes: Number of successes.
+        trials: Number of trials.
+    """
     found = scipy.stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
     return float(found.low), float(found.high)

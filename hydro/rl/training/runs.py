@@ -149,6 +149,11 @@ class Folder:
         Call it after the training was constructed.  Otherwise invalid settings would leave a folder that
         blocks a valid training.
 
+        Args:
+            run: Table of the training's settings.
+            model: Residual model; None without one.
+            covariance: Covariance of the vehicle file's parameters; None without one.
+
         Raises:
             DataError: The operating system refuses.
         """

@@ -218,6 +218,6 @@ def condition(wrenches: ArrayLike, nu: ArrayLike, conditioning: Conditioning) ->
 
 
 def counts_of(numbers: ArrayLike) -> Counts:
-    """Return counts from the array that `condition_kernel` fills, shape (8,)."""
+    """Return counts as an object from the array of numbers (8,) that `condition_kernel` fills."""
     steps, *clipped, held_back = (int(n) for n in np.asarray(numbers))
     return Counts(steps, tuple(clipped), held_back)
