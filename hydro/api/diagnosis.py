@@ -57,13 +57,16 @@ class Diagnosis(Result):
 
     @classmethod
     def of(cls, found: Found, vehicle: Vehicle, table: pl.DataFrame, *, changed: bool) -> Diagnosis:
-        """Return the result of a diagnosis of `hydro.core`.
+        """Return a new result made from a diagnosis of `hydro.core`.
 
         Args:
             found: Diagnosis, with its status.
-            vehicle: Vehicle that was diagnosed.
+            vehicle: Vehicle that was diagnosed; it is not changed.
             table: Diagnosis table, with the column types of its schema.
             changed: Whether a recording from before a change was given.
+
+        Raises:
+            ValueError: The diagnosis has no status.
         """
         if found.status is None:
             raise ValueError("the diagnosis has no status")
@@ -96,7 +99,7 @@ class Diagnosis(Result):
 
     @property
     def footer(self) -> dict[str, Any]:
-        """Chi-square, prediction errors and headline, which `hydro.write` stores in the file."""
+        """Chi-square, headline and prediction errors by name, which `hydro.write` stores in the file."""
         from hydro.core.diagnosis.findings import HEADLINE, PREDICTION
 
         errors = {} if self.prediction is None else {PREDICTION: asdict(self.prediction)}
@@ -189,7 +192,12 @@ def _in_words(known: Prediction) -> str:
 
 
 def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
-    """Return a vehicle with the confirmed findings of a diagnosis table added; without any, unchanged."""
+    """Return a copy of a vehicle with the confirmed findings of a diagnosis added.
+
+    Args:
+        vehicle: Vehicle that was diagnosed; returned unchanged if no finding is confirmed.
+        table: Diagnosis table.
+    """
     import polars as pl
 
     from hydro.core.diagnosis.findings import STATED, extended, tables

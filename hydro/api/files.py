@@ -168,6 +168,9 @@ def read_model(source: str | Path | BinaryIO) -> Model:
     Args:
         source: path of the file that `hydro train` or `hydro.write_model` wrote, or a binary stream.
 
+    Returns:
+        The network with its scalers, for `hydro.evaluate`, `hydro.replay` or `hydro.diagnose`.
+
     Raises:
         hydro.core.errors.DataError: the file is damaged or is not a network.
     """

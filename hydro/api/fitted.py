@@ -39,7 +39,7 @@ class Fit(Result):
 
     @classmethod
     def of(cls, outcome: Outcome, vehicle: Vehicle, dt: float) -> Fit:
-        """Return the result of a fit of `hydro.core`.
+        """Return a new result made from a fit of `hydro.core`, with a sentence for each effect.
 
         Args:
             outcome: The fit.
@@ -111,7 +111,10 @@ class Fit(Result):
         return self.outcome.share
 
     def tables(self) -> tuple[dict[str, Any], ...]:
-        """Return the `[[effect]]` tables of the fitted effects, with their standard errors."""
+        """Return the fitted effects, one dict for each, as their `[[effect]]` tables in a vehicle file.
+
+        Each has the `name`, the values by parameter, and `standard_error`, a dict by parameter.
+        """
         return self.outcome.tables()
 
     def effect(self, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -129,7 +132,7 @@ class Fit(Result):
         return self.outcome.table(name)
 
     def estimates(self) -> Estimates:
-        """Return the values of `tables` with their covariance."""
+        """Return an object with the values of `tables` and their covariance."""
         return self.outcome.estimates()
 
     def frame(self) -> pl.DataFrame:

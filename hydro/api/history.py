@@ -44,7 +44,7 @@ class History(Result):
         return self.answer
 
     def summary(self) -> pl.DataFrame:
-        """Return the changes, one row each."""
+        """Return the changes, one row each: the table `changes`."""
         return self.changes.drop("sentence")
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:

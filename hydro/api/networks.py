@@ -43,7 +43,7 @@ def labels(
         vehicle: vehicle that was recorded, from `hydro.vehicle`.
         raw: recording as a raw table, from `hydro.import_log` or `hydro.read`.
         acceleration: how accelerations are computed: `rts`, a two-sided smoother; `kalman`, a causal filter;
-            `kalman-difference`, differences of filtered velocity as in the paper.
+            `kalman-difference`, differences of filtered velocity as in Wu et al.
         noise: six standard deviations: of u, v, w [m/s] and p, q, r [rad/s]; by default estimated from the
             recording.
         subtract: effects of the vehicle that the label excludes: `inertia`, its added mass, or all `effects`.
@@ -122,7 +122,7 @@ def train(
     centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
-    """Train a residual network on the training part of a split table, by the protocol of the paper.
+    """Train a residual network on the training part of a split table, with early stopping.
 
     Args:
         split: split table, from `hydro.split`.
@@ -173,8 +173,9 @@ def evaluate(
         models: trained models with different names, from `hydro.train` or `hydro.read_model`.
         labels: split table; or a labels table, if `part` is `all`.
         part: part of the split table to measure on.
-        by: regimes to measure in addition to all rows: of `speed`, of `drift` angle, or of `reach`, the
-            distance from the training data; see `hydro evaluate --help`.
+        by: divisions of the rows by motion, each measured in addition to all rows: by `speed`; by `drift`,
+            the angle between velocity and bow; or by `reach`, the greatest deviation of the six velocities
+            from the means of the training data, in standard deviations. () measures all rows together only.
         dataset: name of the data in the result.
 
     Returns:

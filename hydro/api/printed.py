@@ -26,7 +26,7 @@ def text(
     below: Sequence[str],
     units: Mapping[str, str],
 ) -> str:
-    """Return sentences, a table and more sentences as lines of at most WIDTH characters.
+    """Return sentences, a small table and more sentences as one text, in lines of at most WIDTH characters.
 
     Args:
         above: Sentences before the table, one paragraph each.
@@ -49,9 +49,13 @@ def html(
     below: Sequence[str],
     units: Mapping[str, str],
 ) -> str:
-    """Return sentences, a table and more sentences as one HTML `div`; all text is escaped.
+    """Return sentences, a table and more sentences as the text of one HTML `div`; all text is escaped.
 
-    The first sentence is bold.  The arguments are those of `text`.
+    Args:
+        above: Sentences before the table, at least one; the first is bold.
+        table: The table; columns without any value are left out.
+        below: Sentences after the table.
+        units: Units of columns by name; they are printed after the name.
     """
     shown = _with_values(table)
     columns = _columns(shown, units)

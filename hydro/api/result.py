@@ -145,7 +145,7 @@ def frame_of(table: Any) -> Any:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal: tables and arrays entry by entry, NaN to NaN."""
+    """Return whether two values are equal: tables and arrays entry by entry, with NaN equal to NaN."""
     import numpy as np
     import polars as pl
 

@@ -51,12 +51,15 @@ class Step:
 
     @classmethod
     def of(cls, rung: Rung, stated: bool, *, changed: bool) -> Step:
-        """Return a step of `hydro.core` with its tables as results.
+        """Return the result for one step of a study, made from the step (rung) of `hydro.core`.
 
         Args:
-            rung: Step of `hydro.core.explanation`.
+            rung: Step of `hydro.core.explanation`; it is not changed.
             stated: Whether the diagnosis of the previous step confirms the added effects.
             changed: Whether a recording from before a change was given.
+
+        Raises:
+            ValueError: The rung has no status.
         """
         from hydro.io.table import conform
 
@@ -120,7 +123,7 @@ class Step:
     def left_out(self) -> float | None:
         """Error 5 s ahead on parts of the recording that were left out of the fit [m/s].
 
-        None if `holdout` or `before` was given.
+        None if `holdout` or `before` was given to `hydro.explain`.
         """
         from hydro.core.explanation.ladder import LEFT_OUT
 
@@ -200,11 +203,14 @@ class Study(Result):
         return self.best.diagnosis
 
     def summary(self) -> pl.DataFrame:
-        """Return the errors of predictions after each step, 5 s ahead or else at the longest horizon.
+        """Return a new table of the prediction errors of each step of the study, one row per step.
+
+        The errors are root mean squares over all axes, 5 s ahead or else at the longest horizon.
 
         Returns:
-            `step`; `added`, the names of its effects; `error` on the recording, `held_out` on held-out data
-            and `noise_floor` of the recording, over all axes, in `unit`; and `use`, true for the step to use.
+            Columns `step`, the number from 0; `added`, the names of its effects; `error` on the recording,
+            `held_out` on held-out data (null without any) and `noise_floor` of the recording, all in `unit`;
+            and `use`, true for the step to use.
         """
         import polars as pl
 
@@ -222,7 +228,7 @@ class Study(Result):
         )
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
-        """Draw the error after each step, with its 95 % interval and its noise floor.
+        """Draw the prediction error of each step of the study, with its 95 % interval and its noise floor.
 
         Args:
             axes: Matplotlib axes to draw into; by default a new figure's.
@@ -238,7 +244,12 @@ class Study(Result):
         return panels
 
     def to_json(self) -> str:
-        """Return headline, ending, the step to use, all steps, ladder and findings."""
+        """Return one JSON object as text, with the results of the whole study.
+
+        Keys: `headline`; `use`, the number of the step to use; `ending`, the reason why the study ended;
+        `steps`, a list of objects with `step`, `added`, `stated`, `effects`; `ladder`, the rows of `table`;
+        and `findings`, the rows of the diagnosis of the step to use.
+        """
         from hydro.report.json_text import json_text
 
         steps = [
@@ -279,10 +290,13 @@ class Study(Result):
 
 
 def ahead(ladder: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of a ladder for the error over all axes, 5 s ahead or else at the longest horizon.
+    """Return the rows of a ladder with the error over all axes, 5 s ahead or else at the longest horizon.
 
     Args:
-        ladder: Ladder table: prediction errors after each step.
+        ladder: Ladder table: prediction errors of each step of a study.
+
+    Returns:
+        Those rows with all columns, sorted by `dataset` (`fit`, then `holdout`) and `step`.
     """
     from hydro.report.ladder import measured
     from hydro.report.standing import at_horizon

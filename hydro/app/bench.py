@@ -193,7 +193,11 @@ class Bench:
     # 1, Load
 
     def choose(self, logs: tuple[str, ...]) -> bool:
-        """Choose the recording to open; return whether the menus must show another choice."""
+        """Choose the recording to open; return True if the menus must be drawn again with another choice.
+
+        Args:
+            logs: A raw table, or the logs of one dive, in the order in which they were chosen.
+        """
         choice = self.tab.choice
         vehicle = choice.vehicle
         choice.choose(logs, opening.sample()[0])
@@ -509,7 +513,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def offered(self, effect: str) -> list[Slider]:
-        """Return the sliders of an effect, whose moves are accepted from now on."""
+        """Return the sliders of an effect; from now on, the bench accepts their moves."""
         found = self.session.sliders(effect)
         self._sliders |= {one.key: one for one in found}
         return found
@@ -556,7 +560,12 @@ class Bench:
         await self.draw_window(*self.window)
 
     def tick(self, key: str, on: bool) -> None:
-        """Choose whether the next fit changes a parameter, named as `effect.parameter`."""
+        """Choose whether the next fit changes a parameter.
+
+        Args:
+            key: The parameter, `effect.parameter`.
+            on: Whether the fit changes it.
+        """
         (self.session.ticked.add if on else self.session.ticked.discard)(key)
 
     async def go(self, number: int) -> None:
@@ -654,7 +663,15 @@ class Bench:
         return f"{folder}, {page}"
 
     def destination(self, name: str, ending: str) -> Path:
-        """Return the path of a file to save, in the first folder unless the name has another one."""
+        """Return the path of a file to save, in the first folder unless the name has another one.
+
+        Args:
+            name: Name or path that the user gave.
+            ending: Suffix, which is appended if the name lacks it.
+
+        Raises:
+            DataError: The path is outside the folders of the workbench.
+        """
         name = name if name.endswith(ending) else f"{name}{ending}"
         return self.desk.places.writable(self.desk.places.folders[0] / name)
 

@@ -43,7 +43,7 @@ class Choice:
     guess: str = ""
 
     def choose(self, logs: tuple[str, ...], sample: str) -> None:
-        """Choose the recording to open.
+        """Choose the recording to open, by changing this choice.
 
         A raw table opens alone, so that it gives way to a recording that is chosen after it.  The map, and a
         vehicle that the user did not choose, belong to the earlier recording and are dropped.

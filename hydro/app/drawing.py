@@ -27,13 +27,21 @@ Curve = dict[str, Any]
 
 
 def curve(x: Array, y: Array, points: int) -> Curve:
-    """Return a curve of at most about `points` points, for JSON; see `live.decimated`."""
+    """Return a curve of at most about `points` points for JSON: its abscissae `x` and ordinates `y`.
+
+    The least and the greatest value of each stretch are kept.
+
+    Args:
+        x: Abscissae, (N,).
+        y: Ordinates, (N,).
+        points: Maximum number of points.
+    """
     x, y = decimated(x, y, points)
     return {"x": np.round(x, 3), "y": y.astype(np.float32)}
 
 
 def predicted(live: Live, motion: Array, begin: int, points: int) -> list[Curve]:
-    """Return the curves of predicted poses and velocities, in the order in which the page draws them.
+    """Return the curves of predicted poses and velocities, a list in the order in which the page draws them.
 
     Args:
         live: The recording.
@@ -62,7 +70,7 @@ def redrawn(
 
 
 def window(session: Session, vehicle: Vehicle, low: float, high: float, points: int) -> dict[str, Any]:
-    """Return all curves between two times: measured with noise band, commands, predicted.
+    """Return all curves between two times of the recording, for the page.
 
     Args:
         session: The session.
@@ -70,6 +78,10 @@ def window(session: Session, vehicle: Vehicle, low: float, high: float, points: 
         low: Begin of the window on the page's axis [s].
         high: End of the window on the page's axis [s].
         points: Maximum number of points of a curve.
+
+    Returns:
+        A dict of `window`, both times; and lists of curves `measured`, `band` (of the noise), `commands` and
+        `predicted`.
     """
     live = session.live
     assert live is not None
@@ -91,7 +103,13 @@ def window(session: Session, vehicle: Vehicle, low: float, high: float, points: 
 
 
 def begin(session: Session) -> dict[str, Any]:
-    """Return what the page needs once for a recording: track, sessions, hull, number of commands."""
+    """Return what the page needs once for a recording.
+
+    Returns:
+        A dict of `end`, the last time [s]; `window`, the first range of time [s]; `hull`, its length, width
+        and height [m]; `commands`, their number; `sessions` with start and name; and `track`, the measured
+        poses.
+    """
     live = session.live
     assert live is not None
     record, vehicle = live.record, session.present
@@ -125,6 +143,10 @@ def force(live: Live, wrench: Array) -> dict[str, Any]:
     Args:
         live: The recording.
         wrench: Force of the effect along the recording, (N, 6) [N, N m].
+
+    Returns:
+        A dict of the axis `name` with its `unit`, the velocity `against` which it is drawn with its unit
+        `speed`, and the curves `t` over time and `v` against that velocity.
     """
     size = np.sqrt((wrench**2).mean(axis=0)) / np.sqrt((live.record.nu**2).mean(axis=0) + 1e-9)
     axis = int(np.argmax(np.nan_to_num(size * live.opened.weights**-0.5)))

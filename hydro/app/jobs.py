@@ -54,7 +54,7 @@ class Fitted:
 
     Attributes:
         vehicle: Vehicle with the estimates.
-        tables: Tables of the fitted effects, with standard errors.
+        tables: `[[effect]]` tables of the fitted effects, with standard errors.
         estimates: Values with their covariance.
         chi2: Mean squared residual in units of the noise variance.
         warnings: Sentences on values that are not determined or not plausible.
@@ -93,12 +93,26 @@ class _Kept:
 def propose(
     paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, report: Report
 ) -> Proposed:
-    """Propose the map of logs; see `opening.propose_map`."""
+    """Return the proposed map of logs.
+
+    Args:
+        paths: The files of one dive.
+        given: Blocks that the user wrote, by name, each as one text.
+        thrusters: Number of thrusters of the vehicle, if known.
+        report: Receives progress.
+    """
     return opening.propose_map(paths, given, thrusters, _progress(report))
 
 
 def correct(paths: Sequence[str], before: Proposed, blocks: Mapping[str, Any], report: Report) -> Proposed:
-    """Return a map with blocks that the user has changed; see `opening.correct_map`."""
+    """Return a new proposal of a map with blocks that the user has changed.
+
+    Args:
+        paths: The files of one dive.
+        before: The map before; not changed.
+        blocks: All blocks of the new map, by name.
+        report: Receives progress.
+    """
     return opening.correct_map(paths, before, blocks, _progress(report))
 
 
@@ -111,21 +125,37 @@ def open_recording(
     before: str,
     report: Report,
 ) -> Opened:
-    """Open a recording; see `opening.open_recording`."""
+    """Open a recording for a vehicle: import, clean and audit it.
+
+    Args:
+        paths: A raw table, or the logs of one dive.
+        map_: Path of the map; empty for a raw table.
+        craft: The vehicle file.
+        correct: Accept the directions and the order of the thrusters that the audit states.
+        holdout: Path of the held-out recording; empty without one.
+        before: Path of the recording before a change; empty without one.
+        report: Receives progress.
+    """
     return opening.open_recording(
         paths, map_, craft, _progress(report), correct=correct, holdout=holdout, before=before
     )
 
 
 def compare(opened: Opened, vehicle: Vehicle, report: Report) -> Compared:
-    """Compare a vehicle with a recording: errors, noise floor, and the places where it fails."""
+    """Compare a vehicle with a recording: errors, noise floor, and the places where the vehicle fails.
+
+    Args:
+        opened: The recording.
+        vehicle: The vehicle.
+        report: Receives progress.
+    """
     log = opened.log
     table = measure(vehicle, log.raw, record=log.observed, progress=_progress(report))
     return Compared(table, place_times(table, vehicle, log.record, log.sessions))
 
 
 def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, report: Report) -> Stepped:
-    """Return the next step of `hydro explain`.
+    """Return the next step of the study, as `hydro explain` makes it.
 
     Args:
         opened: The recording.
@@ -166,9 +196,7 @@ def fit(
 
 
 def force(opened: Opened, vehicle: Vehicle, without: Vehicle, report: Report) -> Array:
-    """Return the force of an effect along the recorded motion, (N, 6) [N, N m].
-
-    `core.evaluation.added_force` computes it.
+    """Return the force of an effect on the vehicle along the recorded motion, (N, 6) [N, N m].
 
     Args:
         opened: The recording.
@@ -245,7 +273,7 @@ def write_report(folder: str, destination: str, report: Report) -> str:
 
 
 def holding(vehicle: Vehicle, held: Sequence[str], *, instead: Vehicle | None = None) -> Vehicle:
-    """Return a vehicle whose effect tables mark some parameters as known, so that a fit keeps them.
+    """Return a copy of a vehicle whose effect tables mark some parameters as known, so that a fit keeps them.
 
     Args:
         vehicle: The vehicle.

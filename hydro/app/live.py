@@ -98,7 +98,12 @@ class Live:
         return self.windows.predicted(candidate(vehicle), horizon, begin, end)
 
     def rows(self, low: float, high: float) -> tuple[int, int]:
-        """Return the first row, and the row after the last, between two times of the page's axis [s]."""
+        """Return the first row, and the row after the last, between two times; at least two rows.
+
+        Args:
+            low: Begin on the page's axis [s].
+            high: End on the page's axis [s].
+        """
         begin, end = np.searchsorted(self.clock, [low, high])
         begin = min(int(begin), self.record.rows - 2)
         return begin, max(int(end), begin + 2)
@@ -148,7 +153,7 @@ def _clock(t: Array, segments: Rows, session: Rows, dt: float) -> Array:
 
 
 def decimated(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """Return at most `points` points of a curve: the least and the greatest value of each stretch.
+    """Return abscissae and ordinates of at most `points` points: least and greatest value of each stretch.
 
     A gap in the curve (NaN) stays a gap.
 

@@ -87,9 +87,12 @@ class Craft:
         )
 
     def for_recording(self, source: Artefact) -> Craft:
-        """Return the file without standard errors that were estimated from the given recording.
+        """Return a copy of the vehicle file without standard errors that were estimated from the recording.
 
         Such errors are not independent of the recording, so a fit to it must not use them as prior.
+
+        Args:
+            source: Raw table of the recording.
         """
         return replace(self, vehicle=vehicles.without_errors_from(self.vehicle, source.provenance.content))
 
@@ -214,11 +217,14 @@ def propose_map(
 
 
 def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Return the settings of a map's block that have fixed choices, such as its unit, with their choices.
+    """Return the settings of a map's block that have fixed choices, such as its unit.
 
     Args:
         name: Name of the block, one of `map_lines.KINDS`.
         block: The block.
+
+    Returns:
+        The choices, by the name of the setting.
     """
     hints = get_type_hints(KINDS[name])
     unused = {"unit", "order"} if "quaternion" in block else {"layout", "turns"}
@@ -230,12 +236,12 @@ def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
 
 
 def edited(before: Proposed, name: str, text: str) -> dict[str, Block]:
-    """Return the blocks of a map after the user wrote the text of one; the text `none` removes the block.
+    """Return a new dict of the blocks of a map after the user wrote the text of one of them.
 
     Args:
-        before: The map before.
+        before: The map before; not changed.
         name: Name of the block.
-        text: Text of the block.
+        text: Text of the block; `none` removes it.
 
     Raises:
         DataError: The text does not describe a block of this name.
@@ -249,9 +255,15 @@ def edited(before: Proposed, name: str, text: str) -> dict[str, Block]:
 def correct_map(
     paths: Sequence[str], before: Proposed, blocks: Mapping[str, Block], progress: Progress
 ) -> Proposed:
-    """Return a map with blocks that a person has changed.
+    """Return a new proposal of a map with blocks that a person has changed.
 
     The motion corrects the axes and units of all blocks but those for which the person stated them.
+
+    Args:
+        paths: The files of one dive.
+        before: The map before; not changed.
+        blocks: All blocks of the new map, by name.
+        progress: Called with a description of the work and the share of it that is done.
 
     Raises:
         DataError: A file cannot be read.
@@ -270,7 +282,7 @@ def correct_map(
 
 
 def unrecognised(found: Proposed) -> list[str]:
-    """Return the sensors that a map lacks although an unused column of the log may hold them."""
+    """Return the names of the sensors that a map lacks although unused columns of the log may hold them."""
     used = {name for block in found.blocks.values() for name in texts_of(block)}
     unused = [name for name in found.columns if name not in used]
     return [name for name in BLOCKS if name not in found.blocks] if len(unused) >= AXES else []
@@ -283,6 +295,11 @@ def _proposed(columns: Sequence[str], blocks: Mapping[str, Block], notes: Sequen
 
 def write_map(found: Proposed, paths: Sequence[str], destination: Path) -> str:
     """Write the map file of a proposal, and return its path.
+
+    Args:
+        found: The proposed map.
+        paths: The logs; the first names the session.
+        destination: Path of the map file.
 
     Raises:
         DataError: The map lacks a required block.

@@ -12,11 +12,14 @@ from hydro.app.live import Live
 
 
 def begun(bench: Bench, title: str) -> Live | None:
-    """Show the title of a panel, and return the open recording; if none is open, say so and return None.
+    """Show the title of a panel, and return the open recording.
 
     Args:
         bench: The workbench.
         title: Title of the panel.
+
+    Returns:
+        The recording; None if none is open, which the panel then says.
     """
     ui.html(f"<h2>{escape(title)}</h2>", sanitize=False)
     live = bench.session.live

@@ -14,7 +14,7 @@ from hydro.report import words
 
 
 def show(bench: Bench) -> None:
-    """Make the panel."""
+    """Build the panel of step 2: errors by axis at a horizon, and the places where the vehicle fails."""
     session, live = bench.session, begun(bench, "Compare measured and predicted motion")
     if live is None:
         return

@@ -13,7 +13,7 @@ from hydro.core.errors import HydroError
 
 
 def show(bench: Bench) -> None:
-    """Make the panel."""
+    """Build the panel of step 5: save the vehicle, the study and its report, and show equal commands."""
     session = bench.session
     if begun(bench, "Keep the result") is None:
         return

@@ -33,7 +33,7 @@ MOST_COLUMNS = 2000
 
 
 def show(bench: Bench) -> None:
-    """Make the panel."""
+    """Build the panel of step 1: choose recording and vehicle, correct the map, read the import's summary."""
     ui.html("<h2>Load a recording and a vehicle</h2>", sanitize=False)
     ui.html(f"<p>{SAMPLE_IS_OPEN if bench.shows_sample else PURPOSE}</p>", sanitize=False)
     with ui.element("div").classes("row"):
@@ -67,7 +67,7 @@ def show(bench: Bench) -> None:
 
 
 def menus(bench: Bench) -> tuple[Any, ...]:
-    """Return the state of the menus: while it is the same, they need not be drawn again.
+    """Return the state of the menus as a tuple to compare: if it is unchanged, they need not be drawn again.
 
     A menu that is drawn again closes, also while a person chooses from it.
     """

@@ -17,7 +17,7 @@ MOST_OPEN = 4
 
 
 def show(bench: Bench) -> None:
-    """Make the panel."""
+    """Build the panel of step 4: switches for the effects, sliders for their parameters, and the fit."""
     session = bench.session
     if begun(bench, "Add effects and tune their numbers") is None:
         return
@@ -52,7 +52,10 @@ def toggle(bench: Bench, effect: str) -> None:
 
 
 def opened(bench: Bench) -> list[str]:
-    """Return the effects whose sliders are shown; at first, the vehicle's first effect other than inertia."""
+    """Return the names of the effects whose sliders are shown.
+
+    At first that is the vehicle's first effect other than inertia.
+    """
     if bench.unfolded is None:
         own = [str(one["name"]) for one in bench.session.present.effect]
         bench.unfolded = [one for one in own if CATALOGUE[one].kind != "inertia"][:1]

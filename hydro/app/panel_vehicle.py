@@ -24,7 +24,7 @@ FIELDS = (
 
 
 def show(bench: Bench) -> None:
-    """Make the form."""
+    """Build the form that describes a vehicle without a file."""
     count = bench.commands
     hull = own_vehicle.usual_hull(count)
     values = hull.text.split() if hull is not None else []

@@ -100,7 +100,7 @@ def sliders(vehicle: Vehicle, effect: str) -> list[Slider]:
 
 
 def with_value(vehicle: Vehicle, slider: Slider, value: float) -> Vehicle:
-    """Return the vehicle with the number of a slider set to `value`, limited to its admissible range.
+    """Return a copy of the vehicle with a slider's number set to `value`, limited to its admissible range.
 
     Raises:
         DataError: The value is not finite.
@@ -112,14 +112,19 @@ def with_value(vehicle: Vehicle, slider: Slider, value: float) -> Vehicle:
 
 
 def switchable(vehicle: Vehicle) -> list[str]:
-    """Return the names of the vehicle's effects, then of the catalogue's effects that can be added."""
+    """Return the names of the vehicle's effects, then of those of the catalogue that it does not have."""
     present = [str(table["name"]) for table in vehicle.effect]
     names = [name for name, record in CATALOGUE.items() if not record.is_written]
     return [*present, *(name for name in names if not vehicle.effects(name))]
 
 
 def neutral(effect: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Return the table of an effect with values of 0, or of 1 where 0 is not allowed."""
+    """Return the `[[effect]]` table of an effect with values of 0, or of 1 where 0 is not allowed.
+
+    Args:
+        effect: Name of the effect in the catalogue.
+        vehicle: Vehicle, for the number of its thrusters.
+    """
     tables: Sequence[dict[str, Any]] = toml_text.content(toml(CATALOGUE[effect], len(vehicle.thruster)))[
         "effect"
     ]
@@ -127,7 +132,12 @@ def neutral(effect: str, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def with_effect(vehicle: Vehicle, table: dict[str, Any]) -> Vehicle:
-    """Return the vehicle with the effect of a table added."""
+    """Return a copy of the vehicle with one more effect.
+
+    Args:
+        vehicle: The vehicle.
+        table: `[[effect]]` table of the effect.
+    """
     return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, table))
 
 

@@ -26,7 +26,7 @@ DEPTH = 2
 
 
 def safe_name(name: str) -> str:
-    """Return a plain file name.
+    """Return the name of an uploaded file, unchanged, if it is a plain file name.
 
     Raises:
         DataError: The name has a folder in it, starts with a dot, is too long, or has other characters.
@@ -55,7 +55,10 @@ class Places:
 
     @classmethod
     def of(cls, folders: Iterable[str | Path], files: Iterable[str | Path] = ()) -> Places:
-        """Resolve folders and files; links are followed now, so that changing a link later has no effect."""
+        """Return the places of folders and files, with all links followed now.
+
+        Changing a link later has therefore no effect.
+        """
         return cls(tuple(Path(one).resolve() for one in folders), tuple(Path(one).resolve() for one in files))
 
     def close(self) -> None:
@@ -86,7 +89,7 @@ class Places:
         return found
 
     def listed(self, endings: Sequence[str]) -> list[Path]:
-        """Return the files with one of the given endings in the folders and below them, sorted."""
+        """Return the paths of the files with one of the given endings in or below the folders, sorted."""
         found = list[Path]()
         for folder in self.folders:
             self._list(folder, DEPTH, tuple(endings), found)

@@ -91,7 +91,9 @@ def is_loopback(host: str) -> bool:
 
 
 def plotly_script() -> Path:
-    """Return the script that draws the curves, which the package plotly ships; it is not imported.
+    """Return the path of the script that draws the curves, which the package plotly ships.
+
+    The package is not imported.
 
     Raises:
         DataError: The package is not installed.

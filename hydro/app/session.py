@@ -173,7 +173,7 @@ class Session:
     # Tuning
 
     def switches(self) -> list[tuple[str, bool]]:
-        """Return the effects of the catalogue, and whether the vehicle has them."""
+        """Return pairs of an effect's name, and whether the vehicle has it, for all of the catalogue."""
         return [(name, bool(self.present.effects(name))) for name in switchable(self.present)]
 
     def sliders(self, effect: str) -> list[Slider]:
@@ -181,7 +181,7 @@ class Session:
         return sliders(self.present, effect)
 
     def move(self, slider: Slider, value: float) -> Vehicle:
-        """Set the number of a slider on the page's vehicle, without a new state; return the vehicle.
+        """Set the number of a slider on the page's vehicle, without a new state; return the changed vehicle.
 
         Raises:
             DataError: The value breaks a rule of vehicle files; the vehicle on the page stays.
@@ -243,7 +243,7 @@ class Session:
     # Fitting
 
     def to_fit(self) -> tuple[list[str], list[str]]:
-        """Return the effects with a ticked parameter, and the unticked parameters of these effects.
+        """Return the effects with a ticked parameter, and a list of the unticked parameters of these effects.
 
         Raises:
             DataError: No parameter is ticked.
@@ -316,10 +316,13 @@ class Session:
         return over(self.rung.steps) if self.diagnosed else ""
 
     def wanted(self, effect: str) -> str:
-        """Return the name by which to ask for a finding: BEST if `hydro explain` would add it next.
+        """Return the name by which to ask the next step for a finding.
 
         Args:
             effect: Effect of the finding.
+
+        Returns:
+            `BEST` if `hydro explain` would add the finding next, else the name of the effect.
         """
         step = self.rung.steps[-1]
         every = options(step)
@@ -387,7 +390,7 @@ class Session:
         return self.live.errors(self.vehicle, self.horizon, every=every)
 
     def floors(self) -> Mapping[str, float]:
-        """Return the noise floor of each velocity [m/s, rad/s] at the page's horizon, by name.
+        """Return a dict of the noise floor of each velocity [m/s, rad/s] at the page's horizon, by name.
 
         It is empty before a comparison.
         """
@@ -402,7 +405,11 @@ class Session:
         }
 
     def worst(self, most: int = 6) -> list[dict[str, Any]]:
-        """Return the worst places of the vehicle as given: at most `most` rows of the comparison table."""
+        """Return the worst places of the vehicle as given, each a row of the comparison table as a dict.
+
+        Args:
+            most: Maximum number of places.
+        """
         if self.compared is None:
             return []
         table = self.compared.table

@@ -44,7 +44,7 @@ class Worker:
         self._started(WORK)
 
     def run(self, work: Callable[..., Any], *arguments: Any, report: Report | None = None) -> Any:
-        """Run a function of a module in the process, and wait for its result.
+        """Run a function of a module in the process, wait for it, and return its result.
 
         Args:
             work: The function; it gets a `Report` after the arguments.
@@ -77,7 +77,7 @@ class Worker:
                 ) from error
 
     def cancel(self) -> None:
-        """End the process and the work in it."""
+        """End the process and the work in it; the running `run` raises `Cancelled`."""
         self._cancelled = True
         self._end()
 

@@ -81,11 +81,11 @@ def print_lines(lines: Iterable[Text], console: Console) -> None:
 
 
 def called_with(vehicle: Path, measured: Sequence[str] | None, output: str = STREAM, **options: Any) -> Call:
-    """Return the arguments of a command, for the next commands of its answer.
+    """Return the arguments of a command as a record from which its answer makes the next commands.
 
     Args:
         vehicle: Vehicle file.
-        measured: Recordings.
+        measured: Recordings; None for stdin.
         output: File of the answer.
         options: Options by their Python name, such as `correct_thrusters`; `map_` is `--map`.
     """

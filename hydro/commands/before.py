@@ -72,7 +72,7 @@ def learnt(
     *,
     discover: bool = False,
 ) -> Earlier | None:
-    """Fit a hull-force model to --before, or use the network of --model; None without --before.
+    """Fit a hull-force model to --before, or use the network of --model.
 
     Args:
         before: Recording from before the change.
@@ -81,6 +81,9 @@ def learnt(
         source: Recording after the change.
         logs: Settings for reading the recording.
         discover: Whether --discover was given, which works only without --before.
+
+    Returns:
+        The model with its inputs; None without --before.
 
     Raises:
         DataError: Both recordings are the same, or the first does not fit the vehicle or is too short; or the

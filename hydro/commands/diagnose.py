@@ -483,7 +483,12 @@ def _print(found: Diagnosis, context: Context, printing: Printing, details: bool
 
 
 def print_findings(frame: pl.DataFrame, console: Console) -> None:
-    """Print the values, the test and the advice of each finding."""
+    """Print the values, the test and the advice of each finding.
+
+    Args:
+        frame: Diagnosis table.
+        console: Console to print on.
+    """
     from hydro.report.diagnosis import details
 
     for title, values, words in details(frame):

@@ -74,10 +74,18 @@ def engine_for(
 def runner(
     context: typer.Context, folder: Path, workers: int, name: str, address: str | None, threads: int
 ) -> Iterator[tuple[Runner, int]]:
-    """Yield the runner of a study's steps, and the number of steps that may run at the same time.
+    """Yield, for a `with` block, the runner of a study's steps and how many steps may run at the same time.
 
     Without a cluster, one step runs in this process, or several run in parallel in their own processes.  A
     cluster runs as many steps as it has free processors.
+
+    Args:
+        context: Context of the command, whose root group runs steps in this process.
+        folder: Folder of the study, with the ledger.
+        workers: Number of steps at the same time without a cluster.
+        name: `here` or `ray`.
+        address: Address of the cluster.
+        threads: Number of processors of each task on the cluster.
     """
     from hydro.study.steps import Runner, apart
 

@@ -194,7 +194,10 @@ def show(file: File = STREAM, max_expanded: MaxExpanded = None) -> None:
 
 
 def columns(artefact: Artefact) -> pl.DataFrame:
-    """Return a table with one row per column of an artefact: type, unit, frame, samples, range, meaning."""
+    """Return a new table with one row per column of an artefact.
+
+    Its columns are `column`, `type`, `unit`, `frame`, `samples` (not null), `min`, `max` and `description`.
+    """
     import polars as pl
 
     from hydro.io import schema

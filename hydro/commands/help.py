@@ -31,7 +31,7 @@ def paragraphs(text: str) -> list[str]:
 
 
 def short(text: str) -> str:
-    """Return the part of a docstring that the help shows, with the line breaks of its examples.
+    """Return the part of a command's docstring that its help shows, without the details.
 
     Args:
         text: The docstring, its common indentation removed.
@@ -97,5 +97,9 @@ class Screen(Pasted, TyperCommand):
 
 
 def example(line: str) -> str:
-    """Return the example at the end of a help: lines of a screen that a shell reads as one command."""
+    """Return the example at the end of a help as text: lines of a screen that a shell reads as one command.
+
+    Args:
+        line: The command.
+    """
     return "\n".join([KEPT + "Example:", *pasted(re.split(r"\s+", line), WIDTH, indent="  ")])

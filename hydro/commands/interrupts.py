@@ -17,7 +17,10 @@ _SEEN = threading.Event()
 
 @contextmanager
 def noted() -> Iterator[None]:
-    """Record interrupts during the block, in addition to Python's default; not if another handler is set."""
+    """Record keyboard interrupts during a `with` block, in addition to Python's default.
+
+    Nothing is recorded if another handler is set, or outside the main thread.
+    """
     _SEEN.clear()
     ours = (
         threading.current_thread() is threading.main_thread()

@@ -117,7 +117,7 @@ class Logs:
 
 
 def dataset(sources: Sequence[str] | None) -> str | None:
-    """Return the folder of sessions among the arguments of a command; None without one.
+    """Return the argument of a command that is a folder of sessions; None if the recordings are others.
 
     Raises:
         UsageError: A folder is combined with other recordings.
@@ -148,7 +148,12 @@ def called(sources: Sequence[str] | None) -> str:
 
 @contextmanager
 def opened(names: Sequence[str], definitions: Path | None) -> Iterator[list[LogFile]]:
-    """Open log files for reading."""
+    """Open log files for reading during a `with` block, which gets a list of them.
+
+    Args:
+        names: Paths; `-` is stdin.
+        definitions: Folder with `.msg` files, or None.
+    """
     from hydro.io.log import opened
 
     with ExitStack() as stack:
@@ -158,7 +163,11 @@ def opened(names: Sequence[str], definitions: Path | None) -> Iterator[list[LogF
 
 @contextmanager
 def reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
-    """Yield a function that shows the share of a large file that was read; None for a small file."""
+    """Show a progress bar while a large file is read during a `with` block.
+
+    Yields:
+        Function to call with the share that was read; None for a small file, which needs no bar.
+    """
     from hydro.io.log_files import LARGE
 
     if file.size < LARGE:

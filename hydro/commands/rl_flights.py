@@ -70,10 +70,10 @@ def builder_of(
     Args:
         config: Settings of the training.
         text: Text of the vehicle file.
-        residual: Residual model; None without one.
-        folder: Folder of the vehicle file.
-        estimates: Covariance of the vehicle file's parameters.
-        truth: Vehicle file to simulate instead.
+        residual: Table of the residual model; None without one.
+        folder: Folder of the vehicle file, which has its hull mesh.
+        estimates: Covariance of the vehicle file's parameters; None if they are not drawn.
+        truth: Vehicle file to simulate instead of the one with the text `text`.
     """
     from hydro.core import effects
     from hydro.io import vehicle
@@ -146,9 +146,7 @@ def is_vehicle(run: Path) -> bool:
 def flight_of(
     run: Path, wanted: str | None, level: int | None, truth: Path | None = None, *, last: bool = False
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
-    """Return policy, table, fleet builder, task and level for test flights of a training or vehicle file.
-
-    A vehicle file has neither policy nor table.
+    """Return all that test flights of a training, or of a vehicle file alone, need.
 
     Args:
         run: Folder of a training, or a vehicle file.
@@ -156,6 +154,10 @@ def flight_of(
         level: Level; by default the greatest that the training reached.
         truth: Vehicle file to simulate instead.
         last: Use the last policy, not the one that passed the task.
+
+    Returns:
+        The policy, None for a vehicle file; a list with the table of the policy, empty for a vehicle file;
+        the builder of fleets; the task; and its level.
     """
     alone = is_vehicle(run)
     policy, learnt, builder = (

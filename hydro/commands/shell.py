@@ -62,7 +62,11 @@ Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
 
 
 def seed_option(of: str) -> Any:
-    """Return the option `--seed` with its help, limited to seeds that every generator takes."""
+    """Return a Typer option for a seed, limited to seeds that every generator takes.
+
+    Args:
+        of: Help of the option: what the seed is for.
+    """
     return typer.Option(min=0, max=seeds.LARGEST, help=of)
 
 
@@ -88,7 +92,11 @@ def shows_table(output: str) -> bool:
 
 
 def read(source: str, *kinds: str) -> Artefact:
-    """Read one artefact of one of `kinds`, by default of any kind, from a file or stdin.
+    """Read one artefact, a table with provenance, from a file or stdin.
+
+    Args:
+        source: Path; `-` is stdin.
+        kinds: Accepted kinds of table; by default any.
 
     Raises:
         DataError: The file is missing, broken, of another kind, or violates its schema.
@@ -103,7 +111,8 @@ def network(source: str) -> tuple[Artefact, Model]:
     """Read a trained network; return its table and the model.
 
     Raises:
-        DataError: As for `read`, or its footer does not describe a network.
+        DataError: The file is missing, broken, of another kind, or its footer does not describe a network.
+        UsageError: stdin is requested but is a terminal.
     """
     from hydro.io.model import from_artefact
 
@@ -122,8 +131,13 @@ def write(artefact: Artefact, output: str) -> None:
 def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) -> tuple[Vehicle, str]:
     """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
 
-    Standard errors from the covariance file are put into its tables.  Errors that were estimated from the
-    recording `source` are left out, because they are not independent of it.
+    Standard errors from the covariance file are put into the vehicle's effect tables.  Errors that were
+    estimated from the recording `source` are left out, because they are not independent of it.
+
+    Args:
+        file: Vehicle file.
+        known: Names of effects, or of parameters as `effect.parameter`; None for none.
+        source: Recording that is fitted.
 
     Raises:
         DataError: the file is invalid, or has no effect or parameter of a name.
@@ -137,7 +151,12 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
 def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
     """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
 
-    Standard errors from the covariance file are put into its tables, whatever recording they are from.
+    Standard errors from the covariance file are put into the vehicle's effect tables, whatever recording they
+    are from.
+
+    Args:
+        file: Vehicle file.
+        known: Names of effects, or of parameters as `effect.parameter`; None for none.
 
     Raises:
         DataError: the file is invalid, or has no effect or parameter of a name.
@@ -157,9 +176,16 @@ def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]
 
 
 def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
-    """Return the covariance next to a vehicle file or a diagnosis; None if it is missing or does not match.
+    """Return the values and covariance stored next to a vehicle file or a diagnosis.
 
     A covariance of other values than those of the vehicle causes a warning.
+
+    Args:
+        file: The vehicle file or diagnosis.
+        vehicle: Vehicle of the file, whose values the covariance must match; None for no check.
+
+    Returns:
+        The estimates; None if the covariance is missing or does not match.
     """
     from hydro.io import covariance
 
@@ -206,7 +232,7 @@ def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicl
 
 @contextmanager
 def about(source: str) -> Iterator[None]:
-    """Put the name of an input in front of errors that the block raises on its data."""
+    """Put the name of an input in front of every `DataError` that a `with` block raises."""
     try:
         yield
     except DataError as error:
@@ -232,7 +258,15 @@ def report(source: str, words: str) -> None:
 
 
 def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
-    """Print the changes made to a log on stderr, and return them for the footer of an artefact."""
+    """Print the changes made to a log on stderr, and return them for the footer of an artefact.
+
+    Args:
+        source: Name of the log.
+        changes: The changes, one line each.
+
+    Returns:
+        A dict with the changes as its one entry `cleaning`; empty without changes.
+    """
     for line in changes:
         report(source, line)
     return {"cleaning": list(changes)} if changes else {}
@@ -281,7 +315,7 @@ def dataset_name(source: str) -> str:
 
 @contextmanager
 def progress(label: str, expected: Expected | None = None) -> Iterator[Callable[..., None]]:
-    """Show a progress bar with the remaining time, if stderr is a terminal.
+    """Show a progress bar with the remaining time during a `with` block, if stderr is a terminal.
 
     Args:
         label: Name of the work.
@@ -367,7 +401,11 @@ def tell_provisional(
 
 
 def here(root: Any) -> Callable[[Step], None]:
-    """Return a function that runs steps of a study in this process, by the command group `root`."""
+    """Return a function that runs a step of a study in this process.
+
+    Args:
+        root: Root command group of hydro, which runs the step's command line.
+    """
     return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
 
 

@@ -164,9 +164,9 @@ class Given:
 
     Attributes:
         logs: The logs.
-        map: A map file.
-        lines: Lines of the map.
-        vehicle: A vehicle file.
+        map: A map file; None without one.
+        lines: Texts of blocks of the map, by the name of the block, such as `velocity`.
+        vehicle: A vehicle file; None without one.
         preset: Name of a known vehicle.
         layout: Name of a layout.
         hull: `mass`, `length`, `width`, `height`, `thrust` as far as given.

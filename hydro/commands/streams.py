@@ -34,7 +34,10 @@ def replace_closed() -> None:
 
 @contextlib.contextmanager
 def warnings_in_one_line() -> Iterator[None]:
-    """Print warnings on the data on stderr, each line once; notices where stderr is a terminal."""
+    """Print warnings on the data as single lines on stderr during a `with` block, each line once.
+
+    Notices are printed only where stderr is a terminal.
+    """
     printed: set[str] = set()
     with warnings.catch_warnings():
         warnings.simplefilter("always", HydroWarning)

@@ -57,7 +57,7 @@ class Asked:
         return not self.thrusters and self.layout != "none" and self.thrust is None and self.curve != T200
 
     def missing(self, mesh: bool) -> list[str]:
-        """Return the options that an estimate needs and that have no value yet.
+        """Return the names of the options that an estimate needs and that have no value yet.
 
         Args:
             mesh: Whether a mesh of the hull is given, which replaces the dimensions.

@@ -271,7 +271,7 @@ def _states(vehicle: Vehicle, model: Model) -> list[Any]:
 
 
 def without_delays(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle without command delays, as the exported differential equation f has it."""
+    """Return a copy of the vehicle without command delays, as the exported differential equation f has it."""
     still = without_effects(vehicle, delays)
     return msgspec.structs.replace(
         still, thruster=tuple(msgspec.structs.replace(one, delay=0.0) for one in still.thruster)
@@ -279,7 +279,7 @@ def without_delays(vehicle: Vehicle) -> Vehicle:
 
 
 def delays(effect: Any) -> bool:
-    """Return whether an effect delays commands."""
+    """Return whether an effect of the catalogue delays commands."""
     if effect.actuator is None:
         return False
     table = np.zeros((1, COLUMNS))
@@ -297,7 +297,7 @@ def lacks(vehicle: Vehicle) -> list[Lack]:
 
 
 def to_casadi(vehicle: Vehicle) -> bytes:
-    """Write f, jacobian, step and start to one file, in this order.
+    """Return the content of one CasADi file with the functions f, jacobian, step and start, in this order.
 
     Raises:
         DataError: An effect or a thruster of the vehicle is invalid.

@@ -22,8 +22,9 @@ def of_lacks(vehicle: Vehicle, lacks: Sequence[Lack], raw: pl.DataFrame | None =
         raw: A recording (raw table); by default manoeuvres simulated with the vehicle.
 
     Returns:
-        `left out`, `why` and the error 5 s ahead without this property, null if no motion depends on it.  The
-        first row is the complete vehicle, the last one leaves out all properties together.
+        A frame with one row per property: `left out`, `why` and the root mean square velocity error 5 s ahead
+        [m/s] without this property, null if no motion depends on it.  The first row is the complete vehicle;
+        the last one leaves out all properties together, if there are several.
 
     Raises:
         DataError: The vehicle cannot be simulated, or the recording does not fit it.

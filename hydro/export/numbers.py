@@ -38,10 +38,11 @@ def model_of(vehicle: Vehicle, kernel: Callable[[Any, str], Any] = lambda functi
 
 
 def curves_of(vehicle: Vehicle) -> Numbers:
-    """Return the thrust table of each thruster at nominal voltage; None for a thruster without a table.
+    """Return a list with the thrust table of each thruster at nominal voltage.
 
     Returns:
-        Commands, thrusts [N], and full thrust ahead and astern [N].
+        For each thruster a tuple of commands (a list), thrusts (a list) [N], and full thrust ahead and astern
+        [N]; None for a thruster without a table.
     """
     found: Numbers = []
     for thruster in vehicle.thruster:

@@ -35,12 +35,12 @@ def definition(function: Callable[..., Any]) -> Definition:
 
 
 def plain(function: Any) -> Any:
-    """Return the Python function of a kernel."""
+    """Return the Python function that a compiled kernel wraps; anything else is returned as it is."""
     return getattr(function, "py_func", function)
 
 
 def module_names(thing: Callable[..., Any]) -> dict[str, Any]:
-    """Return the global names of the module of a function or class."""
+    """Return the global names, with their values, of the module that defines a function or class."""
     if inspect.isclass(thing):
         return vars(sys.modules[thing.__module__])
     around: dict[str, Any] = plain(thing).__globals__

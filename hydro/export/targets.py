@@ -97,7 +97,7 @@ def choose(to: str | None, takes: str, output: str) -> Target:
 
 
 def without_effects(vehicle: Vehicle, left_out: Callable[[Effect], bool]) -> Vehicle:
-    """Return the vehicle without the effects for which `left_out` is true."""
+    """Return a copy of the vehicle without the effects for which `left_out` is true."""
     kept = tuple(table for table in vehicle.effect if not left_out(CATALOGUE[table["name"]]))
     return msgspec.structs.replace(vehicle, effect=kept)
 
@@ -119,12 +119,12 @@ def lacking_effects(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack
 
 
 def sensor_reason(effect: Effect) -> str:
-    """Return why no simulator represents an error of the DVL; empty for other effects."""
+    """Return the reason why no simulator represents an error of the DVL; an empty text for other effects."""
     return "an error of the DVL, not of the motion" if effect.kind == "sensor" else ""
 
 
 def all_left_out(vehicle: Vehicle, lacks: Sequence[Lack]) -> Vehicle:
-    """Return the vehicle as a target represents it, without any of the properties in `lacks`.
+    """Return a copy of the vehicle without any of the properties in `lacks`, as a target represents it.
 
     Each entry of `lacks` changes effects or thrusters; the changes are combined.
     """

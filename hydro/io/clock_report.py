@@ -41,7 +41,7 @@ class Clocks:
     receipt: float = 0.0
 
     def lines(self) -> Iterator[str]:
-        """Yield the lags as one line, and a warning for each lag to correct."""
+        """Yield lines of text: the lags together in one line, and a warning for each lag to correct."""
         told = [f"{one.block} {_interval(one)}" for one in self.sensors]
         if told:
             yield f"lag of stamps relative to the pose, 95 % interval: {'; '.join(told)}"

@@ -98,7 +98,7 @@ def path_of(name: str) -> Path:
 
 
 def fault(entry: Entry) -> str:
-    """Return words on the damage of an installed file; empty if the file is intact.
+    """Return a text on the damage of an installed file; empty if the file is intact.
 
     Compares size and SHA-256 of the bytes and, for a table, also the hash of the values.
 

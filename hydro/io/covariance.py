@@ -23,7 +23,10 @@ KIND = "covariance"
 
 
 def beside(path: str | Path) -> Path:
-    """Return the path of the covariance of a vehicle file or diagnosis."""
+    """Return the path at which the covariance of a vehicle file or diagnosis is stored, next to the file.
+
+    It is `vehicle.covariance.parquet` for `vehicle.toml`; it may not exist.
+    """
     return Path(path).with_name(f"{Path(path).stem}.{KIND}.parquet")
 
 
@@ -80,7 +83,11 @@ def read(path: str | Path, vehicle: Vehicle | None = None) -> tuple[Estimates | 
 
 
 def of(artefact: Artefact, name: str = KIND) -> Estimates:
-    """Return the estimates of a covariance table.
+    """Return the values and covariance in a covariance table.
+
+    Args:
+        artefact: The table.
+        name: Name of its file in error messages.
 
     Raises:
         DataError: The rows have different lengths, or the correlations are not symmetric.
@@ -95,7 +102,12 @@ def of(artefact: Artefact, name: str = KIND) -> Estimates:
 
 
 def with_errors(vehicle: Vehicle, estimates: Estimates) -> Vehicle:
-    """Return the vehicle with standard errors from estimates, in those effect tables that have none."""
+    """Return a copy of the vehicle with standard errors from estimates in the effect tables that have none.
+
+    Args:
+        vehicle: The vehicle.
+        estimates: Estimated values with their covariance.
+    """
     stated = {table["name"] for table in vehicle.effect if "standard_error" in table}
     errors: dict[str, dict[str, object]] = {}
     for entry, error in zip(estimates.entries, estimates.errors, strict=True):

@@ -29,7 +29,7 @@ _HINTS = {
 
 
 def kind(path: object) -> str:
-    """Return the kind of a file by its first bytes; empty if unknown or unreadable."""
+    """Return the kind of a file in words by its first bytes: a recording, map or vehicle file; else empty."""
     try:
         if not Path(str(path)).is_file():  # a pipe has been consumed already
             return ""
@@ -49,7 +49,7 @@ def kind(path: object) -> str:
 
 
 def explained(error: DataError, path: object, needed: str) -> DataError:
-    """Return a clearer error if a file is of another kind than needed, otherwise the given error.
+    """Return, without raising it, a clearer error if a file is of another kind than needed, else `error`.
 
     Args:
         error: Error of reading the file.

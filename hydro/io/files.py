@@ -48,7 +48,12 @@ def name_of(place: Source, stream: str = "stdin") -> str:
 
 
 def explained(name: str, error: OSError) -> DataError:
-    """Return an error of one line, naming the file `name`, for a failure of the operating system."""
+    """Return, without raising it, a `DataError` of one line for a failure of the operating system.
+
+    Args:
+        name: Name of the file in the message.
+        error: The failure.
+    """
     reason = (error.strerror or str(error) or type(error).__name__).splitlines()[0]
     remedy = _REMEDIES.get(error.errno or 0, f"{reason}: check the device and run again")
     return DataError(f"{name}: {remedy}")

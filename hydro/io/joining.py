@@ -21,12 +21,12 @@ TIME, SESSION = "time of the row", "session of the file"
 
 
 def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
-    """Join several logs into one with the columns that the map names, and return a map for it.
+    """Join several logs into one with the columns that the map names, and return it with a map for it.
 
-    In each row only the columns of the row's own file have values.
+    In each row only the columns of the row's own file have values; rows are in order of time.
 
     Args:
-        logs: Logs in any order.
+        logs: Logs in any order; they are not changed.
         meaning: Map, whose `[[table]]`s assign a clock to each file.
 
     Raises:

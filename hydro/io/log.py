@@ -71,7 +71,7 @@ class Log:
         return f"row {index + 1}" if csv else f"row {index}"
 
     def texts(self) -> frozenset[str]:
-        """Return the columns whose first entry is text and not a number."""
+        """Return the names of the columns whose first entry is text and not a number."""
         found: list[str] = []
         if isinstance(self.table, Tables):
             return frozenset(found)
@@ -119,7 +119,11 @@ class LogFile:
         return sum(part.stat().st_size for part in self.parts)
 
     def topics(self, progress: Reading | None = None) -> tuple[list[collect.Listed], list[str]]:
-        """Return the topics of a log of messages, and the reader's notes; a table has no topics."""
+        """Return the topics of a log of messages, and the reader's notes, a line each; a table has no topics.
+
+        Args:
+            progress: Called with the share of the file that has been read.
+        """
         options = self._options(progress)
         if self.reader.messages is None:
             return [], []
@@ -127,6 +131,9 @@ class LogFile:
 
     def header(self, progress: Reading | None = None) -> Log:
         """Return a log with all columns, but with rows only if the file is a table and not messages.
+
+        Args:
+            progress: Called with the share of the file that has been read.
 
         Raises:
             DataError: The file cannot be read, or has no messages.
@@ -143,7 +150,7 @@ class LogFile:
         """Read the log; from messages, only the wanted columns.
 
         Args:
-            wanted: Columns; all by default. A table is read whole.
+            wanted: Names of columns; None for all. A table is read whole.
             progress: Called with the share of the file that has been read.
 
         Raises:
@@ -185,7 +192,13 @@ class LogFile:
 
 @contextmanager
 def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]:
-    """Open a log for reading; a stream is copied into a temporary file first.
+    """Open a log for reading within a `with` block, which gets a `LogFile`.
+
+    A stream is copied into a temporary file first.
+
+    Args:
+        source: File, folder of a ROS 2 recording, or binary stream.
+        definitions: Folder with `.msg` files for ROS messages that the log does not describe.
 
     Raises:
         DataError: The path cannot be read or is a device, it is empty, or no reader knows the format.
@@ -232,11 +245,11 @@ def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Pa
 
 
 def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
-    """Return one log made of several, named after the first; its digest does not depend on their order.
+    """Return a new log that stands for several, named after the first; its digest ignores their order.
 
     Args:
         logs: The logs, at least one.
-        frame: Columns of the new log.
+        frame: Columns of the new log, made from those of `logs`.
     """
     if len(logs) == 1:
         return replace(logs[0], table=frame)
@@ -287,7 +300,7 @@ def require(log: Log, name: str, where: str) -> None:
 
 
 def numbers(log: Log, name: str, where: str) -> Array:
-    """Return a column as numbers, NaN where a cell is empty.
+    """Return a column as numbers (n,), NaN where a cell is empty.
 
     Args:
         log: The log.
@@ -313,7 +326,15 @@ def numbers(log: Log, name: str, where: str) -> Array:
 
 
 def values(log: Log, name: str) -> Array | None:
-    """Return a column as numbers in the order of the log, NaN in empty cells; None for other content."""
+    """Return a column as numbers in the order of the log, (n,), with NaN in empty cells.
+
+    Args:
+        log: The log.
+        name: Name of the column.
+
+    Returns:
+        The numbers; None if there is no such column, or a cell is not a number.
+    """
     if name not in log.table.columns:
         return None
     if isinstance(log.table, Tables):
@@ -343,12 +364,12 @@ def numeric(values: pl.Series) -> bool:
 
 
 def seconds(values: pl.Series) -> pl.Series:
-    """Convert a column of durations to seconds."""
+    """Return a column of durations as numbers [s]."""
     return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 
 def stripped(values: pl.Series) -> pl.Series:
-    """Return text without surrounding spaces; null if it is empty."""
+    """Return a column of text without surrounding spaces, with null for an empty text."""
     return values.str.strip_chars().replace("", None)
 
 

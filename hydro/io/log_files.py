@@ -31,7 +31,7 @@ LARGE = 50_000_000
 
 
 def silent(file: LogFile) -> AbstractContextManager[Reading | None]:
-    """Show no progress while a file is read."""
+    """Return a `with` block that reports no progress while a file is read."""
     return nullcontext()
 
 
@@ -56,7 +56,7 @@ def gather(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> tuple[Log, LogMap]:
-    """Return the files of a dive as one log with the columns of a map, and the map.
+    """Return the files of a dive as one log with the columns of a map, and the map with a session name.
 
     The `[[table]]`s of a map assign the files (see `joining`).  Without them, files whose times overlap are
     merged by time; other files are sessions, named after their files.
@@ -64,7 +64,8 @@ def gather(
     Args:
         files: Files in any order.
         map_: Map, path of a map file, or None to guess the map from the column names.
-        progress: Context that reports the progress of each file.
+        progress: Function that takes a file and returns a `with` block, which gets a function that is called
+            with the share of the file that has been read, or None.
         preset: Naming scheme of the columns for a guess; by default any.
         thrusters: Number of thrusters of the vehicle, for a guess, if known.
 
@@ -139,12 +140,15 @@ def _read(
 
 
 def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[Log, LogMap]:
-    """Merge several logs in order of time; return the log, and the map with a session per recording.
+    """Merge several logs in order of time, with one session per group of logs whose times overlap.
 
     Args:
-        logs: The logs.
+        logs: The logs; they are not changed.
         names: Session name of each log.
         meaning: Map of the columns of all logs.
+
+    Returns:
+        A new log with all rows and a column of session names, and a copy of the map that names this column.
 
     Raises:
         DataError: A log has no time, or its time goes backwards.

@@ -45,7 +45,7 @@ class ImportReport:
     cuts: tuple[str, ...] = ()
 
     def lines(self) -> Iterator[str]:
-        """Yield the report line by line: rows, gaps, warnings, and the check of the conventions."""
+        """Yield the report line by line: rows, gaps, warnings, and the check of frames, units and signs."""
         yield from (f"note: {line}" for line in self.cuts)
         yield from _size_lines(self.imported)
         yield from _verdict_lines(self.verdict)
@@ -80,7 +80,8 @@ def guessed(
         thrusters: Number of thrusters of the vehicle, if known.
 
     Returns:
-        Blocks as from `aliases.guess`, and the map made of them.
+        The guessed blocks by name, such as `velocity`, each with its keys and values; and the map made of
+        them.
 
     Raises:
         DataError: The names do not suffice for a guess.
@@ -130,9 +131,13 @@ def import_log(
     Args:
         source: The log.
         meaning: Map of its columns.
-        rate: Rows per second [Hz]; by default as in `raw_table`.
+        rate: Rows per second [Hz]; by default the median rate of the channels, or the rate of the fastest
+            channel if that is clearly higher, but at most 50.
         strict: Refuse a log whose motion contradicts the map.
         fill: Interpolate between the samples of a slow sensor instead of leaving nulls.
+
+    Returns:
+        The raw table with the results of the checks.
 
     Raises:
         DataError: A column is missing or not numeric, time goes backwards, or, with `strict`, the motion
@@ -186,7 +191,7 @@ def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
 
 
 def described(meaning: LogMap) -> Iterator[str]:
-    """Yield a line for each block of a map: its columns, frames and units."""
+    """Yield a line of text for each block of a map: its columns, frames and units."""
     yield f"time {meaning.time.column} [{meaning.time.unit}]"
     if meaning.session.column is not None:
         yield f"session {meaning.session.column}"

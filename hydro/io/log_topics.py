@@ -16,7 +16,13 @@ _EPOCH = 946_684_800.0  # clocks above the year 2000 count from 1970 [s]
 
 
 def lines(file: LogFile, progress: Reading | None = None) -> Iterator[str]:
-    """Yield the topics of a log with type, count, rate [Hz], span [s] and numeric fields, or table columns.
+    """Yield lines of text on the contents of a log: each topic with its numeric fields, or a table's columns.
+
+    A topic has its type, number of messages, rate [Hz] and span [s].
+
+    Args:
+        file: The log.
+        progress: Called with the share of the file that has been read.
 
     Raises:
         DataError: The file cannot be read.
@@ -73,7 +79,7 @@ def _since(begun: float) -> str:
 
 
 def ranges(paths: Iterable[str]) -> list[str]:
-    """Return paths in which the indices of one array are merged, such as `channels[0..7]`."""
+    """Return paths of fields with consecutive indices of one array merged, such as `channels[0..7]`."""
     found: dict[tuple[str, str], list[int]] = {}
     for path in paths:
         match = _INDEX.match(path)

@@ -70,7 +70,7 @@ def parse(text: str, name: str = "map") -> LogMap:
 
 
 def check(found: LogMap) -> None:
-    """Check the rules that types cannot express: counts of columns, exclusive keys, order of pulse widths.
+    """Check the rules of a map that types cannot express: column counts, exclusive keys, pulse widths.
 
     Raises:
         DataError: A rule is broken; the message starts with the path in the file.
@@ -109,7 +109,11 @@ def check(found: LogMap) -> None:
 
 
 def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
-    """Return the map made of guessed blocks.
+    """Return the checked map made of guessed blocks.
+
+    Args:
+        blocks: Blocks of the map by name, such as `time` and `velocity`.
+        columns: Columns of the log, for the error message.
 
     Raises:
         DataError: Time, commands or all of pose and velocity are missing; the message lists the columns.
@@ -129,7 +133,7 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
 
 
 def listed(columns: Sequence[str]) -> str:
-    """Return columns as a text, at most the first 40 by name."""
+    """Return the names of columns as one text; only the first 40 are named, the others counted."""
     more = f" and {len(columns) - 40} more" if len(columns) > 40 else ""
     return ", ".join(shown(name) for name in columns[:40]) + more
 

@@ -58,6 +58,10 @@ def proposed(
         progress: Reports the progress of reading a file.
         thrusters: Number of thrusters of the vehicle, if known.
 
+    Returns:
+        The columns, the blocks that could be guessed, and notes; if a required block is missing, the guess is
+        neither corrected by the motion nor has it notes.
+
     Raises:
         DataError: A file cannot be read, or the text of a block is invalid.
     """

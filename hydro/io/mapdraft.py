@@ -61,10 +61,10 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
 
 
 def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks: bool = True) -> str:
-    """Return the text of a draft map: guessed blocks, empty names for the others, and comments.
+    """Return the TOML text of a draft map: guessed blocks, empty names for the others, and comments.
 
     Args:
-        blocks: Guessed blocks.
+        blocks: Guessed blocks by name.
         columns: All columns of the log.
         log: Name of the log.
         blanks: Write blocks that were not guessed with empty names; otherwise leave them out.

@@ -175,7 +175,7 @@ def from_artefact(artefact: Artefact) -> Model:
 
 
 def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
-    """Return the description of a network from a table's footer, checked.
+    """Return the description of a network in the footer of its table, as a checked struct.
 
     Args:
         artefact: Table of tensors.

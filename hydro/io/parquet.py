@@ -112,6 +112,11 @@ def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
 
 
 def damaged(name: str, error: Exception) -> DataError:
-    """Return the error for a file that Arrow cannot decode."""
+    """Return, without raising it, the error for a file that Arrow cannot decode.
+
+    Args:
+        name: Name of the file in the message.
+        error: Exception of the library, whose first line is the reason.
+    """
     reason = (str(error) or type(error).__name__).splitlines()[0]
     return DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again")

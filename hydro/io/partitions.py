@@ -86,7 +86,7 @@ class Dataset:
         return next(iter(texts), None)
 
     def scan(self) -> pl.LazyFrame:
-        """Return all rows as a lazy frame, see `scan`."""
+        """Return all rows of all sessions as a lazy frame; rows and columns are read only as needed."""
         return scan(*(part.path for part in self.parts))
 
 
@@ -96,12 +96,12 @@ def scan(*paths: Path) -> pl.LazyFrame:
 
 
 def is_dataset(place: object) -> bool:
-    """Check whether a path is a folder with the layout of a dataset."""
+    """Return whether a path is a folder with the layout of a dataset."""
     return isinstance(place, str | Path) and any(_folders(Path(place)))
 
 
 def place(folder: str | Path, session: str) -> Path:
-    """Return the path of a session of a dataset."""
+    """Return the path of the file of a session in a dataset's folder, whether it exists or not."""
     return Path(folder) / f"{KEY}{quote(session, safe='')}" / FILE
 
 
@@ -111,11 +111,11 @@ def sessions(folder: str | Path) -> list[str]:
 
 
 def opened(folder: str | Path, kinds: Sequence[str] = ()) -> Dataset:
-    """Open a dataset from the metadata of its files, without reading a row.
+    """Return the dataset in a folder, opened from the metadata of its files without reading a row.
 
     Args:
         folder: Folder of the sessions.
-        kinds: Accepted kinds of table; by default any.
+        kinds: Accepted kinds of table; () accepts any.
 
     Raises:
         DataError: The folder has no session, or a file is missing, damaged, of another kind, breaks its

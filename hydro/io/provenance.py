@@ -172,7 +172,7 @@ def package_version() -> str:
 
 
 def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
-    """Yield a table and all its inputs with their depth: 0 for the table, 1 for its inputs, and so on."""
+    """Yield a table and all its inputs, each with its depth: 0 for the table, 1 for its inputs, and so on."""
 
     def walk(depth: int, node: Input) -> Iterator[tuple[int, Input]]:
         yield depth, node

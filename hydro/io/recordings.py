@@ -117,7 +117,7 @@ def _artefact(source: Log, report: log_import.ImportReport, text: str | None) ->
 
 
 def is_artefact(file: LogFile) -> bool:
-    """Check whether a file has hydro's footer; a damaged file has none."""
+    """Return whether a file has hydro's footer; a damaged file has none."""
     if file.reader.name != "Parquet file":
         return False
     try:
@@ -127,7 +127,11 @@ def is_artefact(file: LogFile) -> bool:
 
 
 def read(file: LogFile, kinds: Sequence[str]) -> Artefact:
-    """Read a table of a recording.
+    """Read a table of a recording, with its provenance.
+
+    Args:
+        file: The file.
+        kinds: Accepted kinds of table.
 
     Raises:
         DataError: The file is a log, which needs a map; or it is damaged, of another kind, or breaks its

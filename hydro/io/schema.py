@@ -116,7 +116,11 @@ class Schema:
         return "sha256:" + hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
     def columns(self, names: Iterable[str]) -> dict[str, Field]:
-        """Return the fields by column name, in order; repeated fields occur as often as in `names`."""
+        """Return the fields of a table by column name, in the schema's order.
+
+        Args:
+            names: Columns of the table; a repeated field occurs as often as its columns are among them.
+        """
         names = set(names)
         times: dict[str, int] = {}
         for field in self.fields:
@@ -272,6 +276,10 @@ def suited(kind: str, frame: pl.DataFrame) -> Schema:
 
     If none does, return the first version, whose check then gives the error.
 
+    Args:
+        kind: Kind of table, such as `raw`.
+        frame: The table; not changed.
+
     Raises:
         DataError: There is no such kind.
     """
@@ -297,7 +305,12 @@ def versions(kind: str) -> list[Schema]:
 
 
 def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
-    """Return the version of a schema with the fewest unknown columns in a table; of equal ones, the first."""
+    """Return the version of a schema with the fewest unknown columns in a table; of equal ones, the first.
+
+    Args:
+        rules: Versions of the schema.
+        names: Columns of the table.
+    """
     given = set(names)
     return min(rules, key=lambda one: len(given - one.columns(given).keys()))
 

@@ -54,7 +54,7 @@ class Field(Part, frozen=True):
     constraints: Constraints = Constraints()
 
     def column(self, number: int) -> Field:
-        """Return the field of one column, `number`, of a repeated field."""
+        """Return a copy of a repeated field for one of its columns, with `number` in its name."""
         assert self.repeat is not None
         name = self.name.replace(f"{{{self.repeat}}}", str(number))
         return msgspec.structs.replace(self, name=name, repeat=None)
@@ -71,7 +71,12 @@ class Field(Part, frozen=True):
 
 
 def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Yield the rules that a column breaks, each with the rows that break it."""
+    """Yield each rule that a column breaks, as a pair of its name and the indices of the rows that break it.
+
+    Args:
+        field: Rules of the column.
+        values: The column.
+    """
     rules = field.constraints
     if rules.required and values.null_count():
         yield "present", _rows(values.is_null())

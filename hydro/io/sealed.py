@@ -19,7 +19,9 @@ _LENGTH = len(_MARK) + 64 + 1
 
 @contextlib.contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file for writing its content; at the end the hash is put before it and the file is renamed.
+    """Open a file for writing within a `with` block, which gets the binary file.
+
+    At the end of the block the hash of the content is put before it, and the file gets its name.
 
     Raises:
         DataError: The operating system refused.
@@ -36,7 +38,9 @@ def writing(path: str | Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def reading(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file, check its hash, and seek to the beginning of its content.
+    """Open a file within a `with` block, which gets the binary file at the beginning of its content.
+
+    The hash of the content is checked first.
 
     Raises:
         DataError: The file cannot be read, or was changed after it was written.

@@ -38,6 +38,10 @@ _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     """Return the sessions of a log in order of start, with the numeric columns that the map names.
 
+    Args:
+        log: The log.
+        meaning: Map of its columns.
+
     Raises:
         DataError: A column is missing or is not numeric, or time goes backwards.
     """
@@ -106,7 +110,7 @@ def _sensor_columns(meaning: LogMap) -> list[list[str]]:
 
 
 def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
-    """Yield every numeric column that a map names, with its place in the map."""
+    """Yield every numeric column that a map names, each as a pair of block (`velocity`) and column."""
     for where, block in blocks_of(meaning).items():
         yield from ((where, source.column) for source in measured(block))
         yield from ((where, name) for name in beside(block))

@@ -54,7 +54,7 @@ class Study:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def done(self) -> list[Step]:
-        """Return the steps that are up to date, from 0 on."""
+        """Return the steps in the folder that are up to date, from 0 on; an empty list without any."""
         try:
             ladder = table.read(self.folder / LADDER, "ladder")
         except DataError:
@@ -94,7 +94,7 @@ class Study:
         return bool(gone)
 
     def save_step(self, steps: Sequence[Step]) -> None:
-        """Write the tables and the vehicle of the last step, and the ladder table of all steps."""
+        """Write the tables and the vehicle of the last of `steps`, and the ladder table of all `steps`."""
         step = steps[-1]
         comparison, diagnosis, vehicle = (self.folder / name for name in _names(step.number))
         text = self.text(step)
@@ -122,12 +122,18 @@ class Study:
         table.write(self._table("ladder", ladder, self.vehicle_text, **parameters), self.folder / LADDER)
 
     def save(self, kind: str, frame: pl.DataFrame, **parameters: object) -> None:
-        """Write a table about the whole study, named after its kind."""
+        """Write a table about the whole study into its folder, as `KIND.parquet`.
+
+        Args:
+            kind: Kind of table.
+            frame: The table.
+            parameters: Further parameters in the footer of the file.
+        """
         made = self._table(kind, frame, self.vehicle_text, **parameters)
         table.write(made, self.folder / f"{kind}.parquet")
 
     def text(self, step: Step) -> str:
-        """Return the vehicle file of a step: the given file with fitted values and its comments."""
+        """Return the text of the vehicle file of a step: that of the given file with fitted values."""
         text = self.vehicle_text
         for fitted in step.tables:
             text = vehicles.set_effect(text, fitted | {"fit": self._origin})

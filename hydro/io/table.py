@@ -39,7 +39,11 @@ class Artefact:
     provenance: Provenance
 
     def of_network(self, described: Mapping[str, Any]) -> Artefact:
-        """Return the table of a network's tensors with a description of the network in its footer."""
+        """Return a copy of the table of a network's tensors with a description of the network in its footer.
+
+        Args:
+            described: Description by key; JSON values.
+        """
         return replace(self, provenance=structs.replace(self.provenance, model=dict(described)))
 
 
@@ -53,11 +57,12 @@ def make(
     inputs: Sequence[Artefact] = (),
     vehicle_text: str | None = None,
 ) -> Artefact:
-    """Make an artefact of a table: check it, hash it, and record its provenance.
+    """Make an artefact of a table: check the table, hash it, and record its provenance.
 
     Args:
         kind: Kind of table, one of `schema.KINDS`.
-        frame: Table, its columns in any order; see `conform` for automatic conversions.
+        frame: Table, its columns in any order; all-null columns, integers and missing optional columns are
+            converted as by `conform`.
         stage: Command that made the table, such as `labels`.
         parameters: Parameters, besides inputs and seed, that determine the result; JSON values.
         seed: Seed of all random numbers.

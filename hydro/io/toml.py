@@ -65,12 +65,17 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
 
 
 def joined(path: str, key: str) -> str:
-    """Return the dotted path of a key under a path; the path of the root is empty."""
+    """Return the dotted path of a key in a table at the dotted path `path`, which is empty for the root."""
     return f"{path}.{key}" if path else key
 
 
 def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield every float under `value` with its path in the file."""
+    """Yield every float in nested mappings and lists, as a pair of its path in the file and the number.
+
+    Args:
+        value: Content of a TOML file, or a part of it.
+        path: Path of that part.
+    """
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from numbers(inner, joined(path, key))
@@ -82,7 +87,10 @@ def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
 
 
 def table(content: Mapping[str, Any]) -> Table:
-    """Return a TOML table without None; matrices have a line per row, mappings become sub-tables."""
+    """Return a mapping as a TOML table, without keys that are None.
+
+    Matrices have a line per row, mappings become sub-tables.
+    """
     import tomlkit
 
     made = tomlkit.table()

@@ -47,7 +47,7 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
     """Read a vehicle file; warn of likely mistakes.
 
     Returns:
-        Vehicle, and the text of the file.
+        A pair of the vehicle and the text of the file.
 
     Raises:
         DataError: The file cannot be read or is not a vehicle; the message has the path in the file.
@@ -104,7 +104,7 @@ def parse(text: str, name: str = "vehicle") -> Vehicle:
 
 
 def check(vehicle: Vehicle) -> None:
-    """Check the rules that types cannot express: finite numbers, inertia, thrusters and effects.
+    """Check the rules of vehicles that types cannot express: finite numbers, inertia, thrusters and effects.
 
     Raises:
         DataError: A rule is broken; the message starts with the path in the file.
@@ -178,7 +178,7 @@ def write(text: str, destination: str | Path) -> None:
 
 
 def append_effect(text: str, effect: Mapping[str, Any]) -> str:
-    """Return the text with one more `[[effect]]` at its end; everything before it stays.
+    """Return the text of a vehicle file with one more `[[effect]]` at its end; the text before it stays.
 
     Args:
         text: Vehicle file.
@@ -259,7 +259,11 @@ def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> 
 
 
 def hold_known(text: str, names: Sequence[str]) -> str:
-    """Return the text with effects, or single parameters (`effect.parameter`), marked as known.
+    """Return the text of a vehicle file with some effects or parameters marked as known.
+
+    Args:
+        text: Vehicle file.
+        names: Names of effects, or of single parameters as `effect.parameter`.
 
     Raises:
         DataError: The file has no effect or parameter of a name, or several.
@@ -272,7 +276,7 @@ def hold_known(text: str, names: Sequence[str]) -> str:
 
 
 def without_errors_from(vehicle: Vehicle, recording: str) -> Vehicle:
-    """Return the vehicle without the standard errors of values that were fitted to a recording.
+    """Return a copy of the vehicle without the standard errors of values that were fitted to a recording.
 
     Args:
         vehicle: The vehicle.

@@ -75,7 +75,7 @@ class Hull(NamedTuple):
 
 
 def images_of(one: Motion, other: Motion) -> Array:
-    """Return the Matern 3/2 covariance between directions of motion, for all mirror images, (8, N, M).
+    """Return the Matern 3/2 covariances of directions of motion, as an array (8, N, M) over mirror images.
 
     Args:
         one: Motion at N points, whose directions are mirrored by each of the 8 images of `MIRRORS`.
@@ -99,29 +99,33 @@ def _sums(images: Array, axis: int) -> list[Array]:
 
 
 def mirrored(axis: int) -> NDArray[np.bool_]:
-    """Return which terms an axis of the wrench can have on a hull with three planes of symmetry.
+    """Return a mask of the terms that an axis of the wrench can have on a hull with three planes of symmetry.
 
     Args:
         axis: Axis of the wrench, 0 to 5.
 
     Returns:
-        Mask (63,) of the six components of z and their 57 products.
+        Mask (63,) of the six components of the scaled velocity z, then of their 57 products.
     """
     return np.asarray((parities() == MIRRORS[:, [axis]]).all(axis=0))
 
 
 def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
-    """Return covariance matrices (N, M) of the Gaussian processes whose sum is the hull force on an axis.
+    """Return the covariance matrices (N, M) of the Gaussian processes whose sum is the hull force on an axis.
 
-    They are in the order of GUESSES.  Two more follow, which belong to no drag: the covariances of the
-    products d_i d_j of second power (p = 2), first those that the symmetry of the hull allows, then those
-    that it excludes.  Matrices PRODUCTS_AT and OTHERS_AT contain them.
+    The matrices are without the variances, by which the caller multiplies them.
 
     Args:
         one: Motion at N points.
         other: Motion at M points.
         images: Covariances between mirror images of the motions (8, N, M), from `images_of`.
         axis: Axis of the wrench, 0 to 5.
+
+    Returns:
+        List of matrices in the order of GUESSES without its last two entries, which are label noise.  Two
+        more follow, which belong to no drag: the covariances of the products d_i d_j of directions with
+        second power of the size, first those that the symmetry of the hull allows, then those that it
+        excludes.  The matrices PRODUCTS_AT and OTHERS_AT of the list contain them.
     """
     own = mirrored(axis)
     grown = [np.outer(one.size**p, other.size**p) for p in range(1, POWERS + 1)]
@@ -141,7 +145,7 @@ def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array
 
 
 def noise_of(motion: Motion, logs: Array) -> Array:
-    """Return the variance of each label's error (N,), constant plus growing with m^6.
+    """Return the variance of each label's error (N,), a constant plus a part that grows with m^6.
 
     Args:
         motion: N motions, with their sizes m.

@@ -27,8 +27,8 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
     Args:
         model: a trained model.
         states: (nu, nu_dot) in body axes, FRD, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
-        past: past velocities of a model with a window, see `distillation.history.past`; by default a constant
-            velocity nu.
+        past: the past velocities (N, 6 (window - 1)) of a model with a window, newest first, one control step
+            apart; by default a constant velocity nu.
 
     Returns:
         tau_res (N, 6) [N and N m], body FRD.  It stands on the left-hand side of the equations of motion: the
@@ -82,7 +82,7 @@ def evaluate(
     dataset: str = "labels",
     by: Sequence[str] = (),
 ) -> pl.DataFrame:
-    """Measure the errors of models on labels, per axis and as the single figures of the paper (Table II).
+    """Measure the errors of models on labels, per axis and over all axes (Table II of Wu et al.).
 
     Args:
         models: trained models with different names.
@@ -90,11 +90,12 @@ def evaluate(
             blocks.
         part: `test`, `train`, or `all` rows, including the guard rows between the two.
         dataset: name of the data in the table.
-        by: divisions of the rows by motion, `speed`, `drift` or `reach`, evaluated too; see `regimes`.
+        by: divisions of the rows by motion, `speed`, `drift` or `reach`, evaluated in addition to all rows.
 
     Returns:
-        A metrics table; see `evaluation.metrics.measure`.  Column `variant` names the regime of motion; it is
-        empty for all rows together.
+        A metrics table: root mean square error, mean absolute error and R^2 (`metric`, `value`) by `model`
+        and `axis`, with a 95 % bootstrap interval from `low` to `high`.  Column `variant` names the regime of
+        motion; it is empty for all rows together.
 
     Raises:
         DataError: If the part is empty, a column is missing or not finite, or a model is broken.

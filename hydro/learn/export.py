@@ -47,7 +47,7 @@ class Exported(nn.Module):
 
 
 def physfeat(states: Tensor) -> Tensor:
-    """Compute the 45 features (N, 45) of `distillation.features` from (nu, nu_dot) (N, 12), in torch."""
+    """Compute the 45 features (N, 45) of the feature set `physfeat` from (nu, nu_dot) (N, 12), in torch."""
     nu = states[:, :6]
     first, second = torch.triu_indices(6, 6, offset=1).unbind()
     even, odd = torch.from_numpy(CROSS.T.copy()).unbind()

@@ -58,7 +58,7 @@ class Fit(NamedTuple):
     """Result of the fit.
 
     Attributes:
-        tensors: Tensors of the network.
+        tensors: Tensors of the network by name, as `networks.gaussian_process.GaussianProcess` has them.
         left_out_rmse: Root mean square cross-validation error over rows and axes, in N and N m mixed.
     """
 
@@ -76,11 +76,11 @@ def fit(
     centre: Sequence[float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
-    """Fit the Gaussian process of every axis, and project its mean on a few rows.
+    """Fit the Gaussian process of every axis, and project its mean on a few rows; return tensors and error.
 
     Args:
         nu: Velocities (N, 6) [m/s, rad/s].
-        tau: Labels (N, 6) [N, N m].
+        tau: Labels, the residual wrench tau_res (N, 6) [N, N m].
         blocks: Block of each row, at least two different ones; rows of a block are consecutive.
         points: Number of rows on which the mean is projected, at most N.
         seed: Seed of the choice of rows.

@@ -25,7 +25,7 @@ BY = ("speed", "drift", "reach")  # divisions of rows into regimes
 
 
 def require_ways(ways: Sequence[str]) -> None:
-    """Check the names of divisions.
+    """Check that every name in `ways` is a way to divide rows: `speed`, `drift` or `reach`.
 
     Raises:
         UsageError: A name is not in `BY`.
@@ -36,7 +36,7 @@ def require_ways(ways: Sequence[str]) -> None:
 
 
 def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Mask]]:
-    """Yield the rows of each regime with enough rows.
+    """Yield the regimes of motion with enough rows, each as a pair of its name and a mask of its rows.
 
     Args:
         model: model whose scalers hold mean and spread of its training data.

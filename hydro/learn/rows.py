@@ -37,11 +37,15 @@ def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
 
 
 def for_minutes(table: pl.DataFrame, minutes: float) -> pl.DataFrame:
-    """Limit the training data to a number of minutes, to measure the value of more recording.
+    """Return a copy of a split table whose training part is limited to a number of minutes.
 
     Whole blocks of the training part are taken in the order of a hash of their ids until they reach that
-    duration; all other blocks become guard rows, which no step uses.  The blocks of fewer minutes are always
-    among those of more minutes.
+    duration; all other training blocks become guard rows, which no step uses.  The blocks of fewer minutes
+    are always among those of more minutes.
+
+    Args:
+        table: Split table.
+        minutes: Greatest duration of the training data [min].
 
     Raises:
         DataError: If the table has not been split or has no training row.

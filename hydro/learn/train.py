@@ -76,7 +76,7 @@ class Epoch(NamedTuple):
         number: number of the epoch, from 1.
         limit: greatest number of epochs.
         loss: mean squared standardised error over the fitted rows during the epoch.
-        validation_rmse: single figure of the paper on the validation rows: the root mean square error over
+        validation_rmse: single figure of Wu et al. on the validation rows: the root mean square error over
             all rows and six axes [N and N m mixed].
         learning_rate: learning rate at the end of the epoch.
         best: whether the weights after this epoch are the best so far.
@@ -122,17 +122,18 @@ def train(
     """Train the network `model` on the training part of a split table.
 
     Args:
-        table: labels with `block` and `part`, see `distillation.split`; guard and test rows are not used.
-        model: name of an architecture, see `learn.networks`.
+        table: labels with `block` and `part`, from `distillation.split`; guard and test rows are not used.
+        model: name of an architecture, such as `physfeat`; `learn.networks` has all.
         seed: seed of the initial weights and of the row order.
         epochs: greatest number of epochs, over which the learning rate falls; early stopping may end sooner.
             By default as many as give 25,000 updates, at most 60.  The model `gp` uses neither epochs nor
             device.
         device: `cpu`, or `cuda` if available.
-        accelerations: whether nu_dot is an input; use False for labels from a noisy log, see
-            `trusted_accelerations`.  False also selects the strong weight decay.
+        accelerations: whether nu_dot is an input; use False for labels from a noisy log, for which
+            `trusted_accelerations` is False.  False also selects the strong weight decay.
         centre: centre of gravity (3,) [m], FRD from CO, for `gp`; by default it is fitted.
-        protocol: `annealed`, or `paper` for optimiser and schedule as published; see above.
+        protocol: `annealed`, AdamW with a learning rate that falls as a half cosine; or `paper`, Adam with a
+            rate that falls at plateaus, as in Wu et al.
         progress: called after every epoch; for `gp` after every step, with NaN errors.
 
     Returns:

@@ -31,10 +31,18 @@ NAMES = ("missing", "suspect", "cannot_tell_apart")
 
 
 def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Return the cards of a report, one for each finding; None if the report has no diagnosis.
+    """Return the cards of a report, one for each finding, as values for the template of the page.
 
-    The cards of a study show the effects that each step added, and all findings of the diagnosis after the
-    step to use.
+    The cards of a study show the effects that each step of the study added, and all findings of the diagnosis
+    after the step to use.
+
+    Args:
+        sources: Artefacts of the report.
+        charts: Collection to which the figures of the cards are added.
+
+    Returns:
+        A dict with `groups`, a list with one dict for each diagnosis: its `title`, `shares`, `cards`,
+        `others` and `unseen` effects; None if the report has no diagnosis.
     """
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
@@ -70,8 +78,9 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 def confusions(sources: Sources) -> list[dict[str, str]]:
     """Return, for each finding of a diagnosis, the effects with which it can be confused, in words.
 
-    Each row has the `effect`, the effects `tied` that fit equally well, the `usual` ones that are often
-    confused with it, and in `parted` the manoeuvre that separates them.
+    Returns:
+        A dict for each finding: the `effect`, the effects `tied` that fit equally well, the `usual` ones that
+        are often confused with it, and in `parted` the manoeuvre that separates them; all texts.
     """
     rows: dict[str, dict[str, str]] = {}
     for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
@@ -94,7 +103,11 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
 
 
 def to_record(sources: Sources) -> list[dict[str, str]] | None:
-    """Return the advice for the next run, from the diagnosis of the step to use; None without it."""
+    """Return the advice for the next run, from the diagnosis of the study's step to use.
+
+    Returns:
+        A dict for each advice: `what` to record, and `why`; None without a diagnosis.
+    """
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None

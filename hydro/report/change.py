@@ -24,11 +24,15 @@ PARAMETER = "before"
 
 
 def parameters_of(told: Mapping[str, Any], hull: Hull) -> dict[str, Any]:
-    """Return the parameters that a table made with a recording from before a change stores in its footer.
+    """Return the entry for the footer of a table that was made with a recording from before a change.
 
     Args:
         told: Name of the recording, and the network if there is one.
         hull: Hull-force model fitted to the recording.
+
+    Returns:
+        A dict with one key, for `parameters` of the table's provenance: `told` and the squared errors with
+        the vehicle file alone (`given`) and with the hull-force model (`left`).
     """
     figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
     return {PARAMETER: {**told, **figures}}
@@ -40,7 +44,12 @@ def of_change(one: Named) -> bool:
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return the section on the recording before a change; None if no table was made with one."""
+    """Return the section of the page on the recording before a change, as values for the template.
+
+    Returns:
+        A dict with the name of the `recording`, sentences `lines`, and `columns` and `rows` of a table of
+        errors; None if no table was made with such a recording.
+    """
     every = [one.artefact.provenance.parameters for one in sources.everything]
     told = next((given[PARAMETER] for given in every if PARAMETER in given), None)
     if told is None:
@@ -115,8 +124,9 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
         comparison: Comparison table.
 
     Returns:
-        `axis`; prediction errors of the vehicle file alone, before and after the change; errors with the
-        hull-force model, before and after; and `ratio`, the last divided by the one before.
+        Columns `axis`; root mean square prediction errors of the vehicle file alone, `file before` and
+        `file after` the change; errors with the hull-force model, `model before` and `model after`;
+        `ratio`, `model after` divided by `model before`; and `unit`.
     """
     rows = comparison.filter(level=LEVEL)
     table = rows.filter(pl.col("axis") != FLOOR).select("axis", "unit").unique(maintain_order=True)
@@ -150,13 +160,13 @@ def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def fall(ladder: pl.DataFrame) -> Iterator[str]:
-    """Yield a sentence for each data set with the prediction error after every step of a study.
+    """Yield a sentence for each data set with the prediction error of every step of a study.
 
     The unit is the error of the hull-force model on the recording from before the change; an error of 1 means
     that nothing else has changed.  Without a hull-force model there are no sentences.
 
     Args:
-        ladder: Ladder table: prediction errors after each step.
+        ladder: Ladder table: prediction errors of each step of a study.
     """
     rows = ladder.filter(axis=FLOOR).sort("step")
     for dataset, label in words.DATASETS.items():

@@ -19,7 +19,7 @@ class Charts:
     held: dict[str, list[str]] = field(default_factory=dict)
 
     def add(self, name: str, *drawn: Figure) -> str:
-        """Add the figures of one place and return its name."""
+        """Store the figures of one place on the page, one per choice of a selector; return `name`."""
         self.held[name] = [one.to_json() for one in drawn]
         return name
 

@@ -108,12 +108,24 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def relative(ratio: float | None) -> str:
-    """Return words for an error in a regime, as a multiple of the axis' error in all motion; or nothing."""
+    """Return an error in a regime as words, `; 2.1 times the average of this axis`; empty for None.
+
+    Args:
+        ratio: Error in the regime, divided by the error of the axis over all motion.
+    """
     return "" if ratio is None else f"; {ratio:.1f} times the average of this axis"
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the unexplained wrench of a comparison, one row per axis, with interval and noise floor."""
+    """Return the unexplained wrench of a comparison, one row per axis.
+
+    Args:
+        comparison: Comparison table.
+
+    Returns:
+        Columns `force on` (the axis in words), `rmse` with its 95 % interval `from` to `to`, `noise floor`,
+        `share`, `unit`, and `before`, the error of an earlier comparison, if it is known.
+    """
     whole = comparison.filter(level="force", by="all")
     return whole.select(
         pl.col("axis").replace_strict(MOTIONS).alias("force on"),
@@ -131,7 +143,7 @@ def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
     """Return errors of predictions as text, one row per axis and one column per horizon.
 
     A cell has the errors before and after the change of the file, `2.1 -> 0.4`, or the error with the noise
-    floor, `2.1 (0.01)`.
+    floor, `2.1 (0.01)`.  The first column is `axis`, the last `unit`.
     """
     whole = comparison.filter(level="replay", by="all")
     now = pl.col("rmse").map_elements(_figure, pl.String)

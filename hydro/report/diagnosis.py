@@ -180,7 +180,11 @@ def _has_block(row: Mapping[str, Any]) -> bool:
 
 
 def errors(known: Prediction) -> Iterator[Text]:
-    """Yield the prediction errors as a table, one row per axis: as given, with the findings, noise floor."""
+    """Yield the lines of a table of prediction errors, one per axis: as given, with findings, noise floor.
+
+    Args:
+        known: Errors before and after the findings are added.
+    """
     after, floor = known.added != known.given, known.floor is not None
     names = ["as given", "corrected"] if after else ["error"]
     rows = [(axis, UNITS[axis], each) for axis, each in known.axes.items()]
@@ -252,7 +256,12 @@ def title(row: Mapping[str, Any], about: Context) -> str:
 
 
 def said(row: Mapping[str, Any], about: Context) -> str:
-    """Return the sentence on the fitted values of a finding; empty without values."""
+    """Return the sentence on the fitted values of a finding; empty without values.
+
+    Args:
+        row: Row of the diagnosis table.
+        about: Other data of the answer.
+    """
     if not row["parameters"] or row["effect"] not in CATALOGUE:
         return ""
     values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))
@@ -311,10 +320,13 @@ def has_unconfirmed(rows: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def look_up(effects: Sequence[str]) -> list[Text]:
-    """Return a line with the command that explains an effect; no line without effects.
+    """Return a line with the command that explains the first effect of the catalogue among `effects`.
 
     Args:
         effects: Names of effects, the most important first.
+
+    Returns:
+        A list of one line; an empty list without such an effect.
     """
     known = [name.partition(":")[0] for name in effects if name in CATALOGUE]
     return [Text(f"Look up an effect: hydro effects {known[0]}")] if known else []
@@ -340,10 +352,14 @@ def unseen(frame: pl.DataFrame, about: Context) -> Iterator[Text]:
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
-    """Yield each finding: its title, a table of its values, and its sentence, test and advice.
+    """Yield the findings of a diagnosis, best first, each as a title, a table and a text.
 
     Args:
         frame: Diagnosis table.
+
+    Yields:
+        Title; table with the columns `parameter`, `value`, `standard error` and `unit`; and a text with the
+        sentence on the finding, the p-value of its test, and the advice.
     """
     for row in frame.sort("rank").iter_rows(named=True):
         effect = words.effect_name(row["effect"]) or listed(row["members"])

@@ -40,7 +40,7 @@ OF_NETWORKS = {
 
 
 def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
-    """Return the section of the page on one metrics table.
+    """Return the section of the page on one metrics table, as values for its template.
 
     Args:
         one: The table.
@@ -48,9 +48,9 @@ def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
         charts: Collection to which its figures are added.
 
     Returns:
-        `title`, `lede` (introduction), `charts` (names), `legend` (label, colour), `table`, and `more`, which
-        are folded tables. A table has `about`, `columns` (name, whether of numbers) and `rows` of cells
-        (figure, small print).
+        A dict of `number`, `title`, `lede` (introduction), `charts` (names), `legend` (label, colour),
+        `table`, and `more`, which are folded tables. A table has `about`, `columns` (name, whether of
+        numbers) and `rows` of cells (figure, small print).
     """
     record = one.artefact.provenance
     part = record.parameters.get("part") if record.stage == "study" else None

@@ -59,7 +59,7 @@ STYLE: Any = {
 
 
 def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = VELOCITY_PANELS) -> pl.DataFrame:
-    """Return the data of the overlay figure: one row per axis, variant and time.
+    """Return the data of the overlay figure as a table: one row per axis, variant and time.
 
     A curve ends where its error first exceeds the whole range of the measured motion: after that it has no
     information and would hide other curves.
@@ -198,6 +198,9 @@ def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series
         rows: Table with the value and the ends of its interval.
         of: Column of the value.
         prefix: Prefix of the columns `low` and `high`.
+
+    Returns:
+        The lengths downwards and upwards, a number for each row.
     """
     middle = pl.col(of)
     down = (middle - pl.col(f"{prefix}low").fill_null(middle)).clip(0.0)

@@ -77,16 +77,23 @@ class Call:
         return [*self.command("diagnose"), PIPE, "hydro", "add", str(self.vehicle), *named, *target]
 
     def flipping(self, thrusters: Sequence[int]) -> list[str]:
-        """Return the words of `hydro vehicle flip` for thrusters given by index, counted from 0."""
+        """Return the words of the `hydro vehicle flip` command that reverses thrusters.
+
+        Args:
+            thrusters: Indices of the thrusters, counted from 0.
+        """
         numbers = ",".join(str(one + 1) for one in thrusters)
         target = ["-o", next_file(self.vehicle)]
         return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]
 
     def fitting(self, *effects: str) -> list[str] | None:
-        """Return the words of `hydro fit` on the recording before a change; None without one that is a file.
+        """Return the words of the `hydro fit` command on the recording from before a change.
 
         Args:
             effects: Effects to fit.
+
+        Returns:
+            The words; None if there is no such recording, or it came from stdin.
         """
         before = self.options.get("--before")
         earlier = [str(one) for one in (before if isinstance(before, list | tuple) else [before]) if one]
@@ -103,16 +110,26 @@ class Call:
         return self.again("diagnose", "--next-run", "next.parquet", "-o", kept)
 
     def again(self, name: str, *more: str, without: Sequence[str] = ()) -> list[str] | None:
-        """Return the words of a command on the same inputs; None if the inputs cannot be read again."""
+        """Return the words of another command on the same inputs; None if they cannot be read again.
+
+        Args:
+            name: Name of the command.
+            more: Words to append.
+            without: Options that the command does not have.
+        """
         return self.command(name, *more, without=without) if self.repeatable else None
 
     def of(self, vehicle: Path) -> Call:
-        """Return a copy of this call with `vehicle` as its vehicle file."""
+        """Return a copy of this call with another vehicle file.
+
+        Args:
+            vehicle: Path of the vehicle file.
+        """
         return replace(self, vehicle=vehicle)
 
 
 def next_file(vehicle: Path, into: str = "") -> str:
-    """Return a free name in the working folder: `vehicle-1.toml` after `vehicle.toml`.
+    """Return a name for a new vehicle file that is free in the working folder: `vehicle-1.toml`.
 
     Args:
         vehicle: Vehicle file.

@@ -15,7 +15,11 @@ GRID = float(POWERS[1] - POWERS[0])
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return sentences and rows of the section on growth of force; None without a growth table."""
+    """Return the section of the page on the growth of force, as values for the template.
+
+    Returns:
+        A dict with sentences `told` and table rows `rows`; None without a growth table.
+    """
     if sources.growth is None:
         return None
     rows = sources.growth.frame.to_dicts()

@@ -24,13 +24,13 @@ HEIGHT = 240
 
 
 def render(history: History, table: Artefact, title: str, failed: Sequence[str] = ()) -> str:
-    """Return the page as HTML that loads no other file.
+    """Return the page of a history as HTML text that loads no other file.
 
     Args:
         history: The history.
         table: History table, whose hash the page states.
         title: Name of the vehicle.
-        failed: Reason for each dive without an estimate.
+        failed: Reason for each dive without an estimate; () if all dives have one.
     """
     charts, levels = Charts(), history.levels
     for i, one in enumerate(history.parameters):
@@ -94,7 +94,7 @@ def time_line(history: History, row: int, level: Sequence[float]) -> Figure:
 
 
 def axis_title(unit: str) -> str:
-    """Return the title of the vertical axis for a unit."""
+    """Return the title of the vertical axis of a time line whose values have the unit `unit`."""
     return "relative to the baseline" if unit == SHARE else f"change [{unit}]"
 
 

@@ -34,7 +34,7 @@ def title(ladder: pl.DataFrame, dataset: str) -> str:
 
 
 def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.DataFrame:
-    """Return errors with one row per step, then simple predictors and the noise floor; one column per axis.
+    """Return the errors of a study's steps, then of simple predictors and the noise floor, one row each.
 
     Args:
         ladder: Ladder table.
@@ -42,9 +42,9 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
         horizon: Horizon of the predictions [s].
 
     Returns:
-        `step` with the effects that it added; root mean square errors of u v w [m/s], p q r [rad/s], and of
-        `all` axes as one speed [m/s]. Without velocities they are of x y z [m], phi theta psi [rad] and
-        `pose` [m].
+        Column `step` with the number and the effects that it added; and a column of root mean square errors
+        for each axis: u v w [m/s], p q r [rad/s], and `all` axes as one speed [m/s]. Without velocities they
+        are x y z [m], phi theta psi [rad] and `pose` [m].
     """
     rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
     axes = measured(rows)
@@ -65,7 +65,7 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
 
 
 def measured(rows: pl.DataFrame) -> tuple[str, ...]:
-    """Return the axes to show: velocities and `all`, or pose if no velocity was measured.
+    """Return the names of the axes to show: velocities and `all`, or pose if no velocity was measured.
 
     Args:
         rows: Rows of a ladder or comparison table.
@@ -77,7 +77,7 @@ def measured(rows: pl.DataFrame) -> tuple[str, ...]:
 
 
 def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
-    """Yield the name of each data set of a ladder, its label, and its errors step by step.
+    """Yield each data set of a ladder: its name (`fit` or `holdout`), its label, and its rows step by step.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.

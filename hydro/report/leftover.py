@@ -29,9 +29,16 @@ Row = dict[str, Any]
 
 
 def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Return the section: panels, sentences and tables, or the reason why forces could not be computed.
+    """Return the section of the page on unexplained forces, as values for the template.
 
-    None if the report has neither a leftover table (unexplained force against velocity) nor a reason.
+    Args:
+        sources: Artefacts of the report.
+        charts: Collection to which the panels are added.
+
+    Returns:
+        A dict with `why`, the reason why forces could not be computed; or, if that is empty, `panels`,
+        sentences `told`, tables `most` and `bins`, and `steps`. None if the report has neither a leftover
+        table (unexplained force against velocity) nor a reason.
     """
     if sources.leftover is None:
         record = None if sources.sessions is None else sources.sessions.artefact.provenance

@@ -71,7 +71,7 @@ def is_of_thrusters(row: Mapping[str, Any]) -> bool:
 
 
 def in_python(step: NextStep) -> str:
-    """Return a step as a Python expression, empty without one.
+    """Return a step as the text of a Python expression; empty if Python has no such function.
 
     Its names are `vehicle`, `raw`, the recording `before` a change, and the diagnosis `found`.
     """

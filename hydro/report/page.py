@@ -40,7 +40,7 @@ CONDITIONS = ("speed", "acceleration", "drift", "turn", "depth", "heading", "fre
 
 
 def render(sources: Sources) -> str:
-    """Return the page.
+    """Return the report as the text of one HTML page.
 
     Args:
         sources: Artefacts of the report.

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 def draw(sources: Sources, folder: Path) -> list[Path]:
-    """Draw a figure for each available table: places, findings, ladder, replays and errors.
+    """Draw a PNG file for each available table: places, findings, ladder, replays and errors.
 
     Args:
         sources: Artefacts of the report.
         folder: Output folder, which is made if necessary.
 
     Returns:
-        The files, in the order of the page.
+        Paths of the files, in the order of the page.
 
     Raises:
         DataError: The files cannot be written.
@@ -107,7 +107,7 @@ def draw_findings(diagnosis: pl.DataFrame) -> Figure:
 
 
 def draw_ladder(ladder: pl.DataFrame) -> Figure:
-    """Draw the error of every axis after each step, on the recording and held-out data, with noise floors."""
+    """Draw the error of every axis at each step of a study, with noise floors, for each data set."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

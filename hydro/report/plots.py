@@ -37,7 +37,7 @@ DATASET_STYLES = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamon
 
 
 def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
-    """Draw the error after each step, with its interval and the noise floor.
+    """Draw the prediction error of each step of a study, with its 95 % interval and the noise floor.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.
@@ -79,7 +79,7 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
 
 
 def wide(errors: pl.Series) -> bool:
-    """Return whether errors differ so much that they need a logarithmic axis."""
+    """Return whether positive errors differ by so large a factor that they need a logarithmic axis."""
     positive = errors.filter(errors > 0.0)
     return len(positive) > 0 and _number(positive.max()) > SPAN * _number(positive.min())
 
@@ -218,7 +218,15 @@ def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go
 def depth(
     replay: pl.DataFrame, session: str, restart: float | None = None, bands: pl.DataFrame | None = None
 ) -> go.Figure:
-    """Draw the depth of one session, downward; the arguments are those of `path` and `overlay`."""
+    """Draw the depth of one session over time, downward.
+
+    Args:
+        replay: Replay table.
+        session: Name of the session.
+        restart: Period after which the simulation restarts from the measured state [s]; lines are interrupted
+            there.
+        bands: Bands table: 95 % intervals of the last model's predictions; None without one.
+    """
     drawn = _tracks(replay, session, ("t", "z"), restart)
     if bands is not None:
         _band(drawn, bands.filter(session=session), "z")
@@ -327,7 +335,11 @@ def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
 
 
 def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return label and colour of every variant of a replay, or of the models of a study's steps."""
+    """Return a dict from the name of each curve to a pair of its label and its colour.
+
+    Args:
+        variants: Variants of a replay, or the models `step-K` of a study's steps.
+    """
     others = [name for name in variants if name != MEASURED]
     found = {MEASURED: ("measured", NOISE)} if MEASURED in variants else {}
     if others and all(name.startswith("step-") for name in others):

@@ -22,15 +22,15 @@ TAIL = 0.1
 
 
 def density_table(truth: NDArray[Any], predicted: NDArray[Any]) -> pl.DataFrame:
-    """Return the joint histogram of true and predicted wrenches (Fig. 3 of the paper).
+    """Return the joint histogram of true and predicted wrenches (Fig. 3 of Wu et al.), as a table.
 
     Args:
         truth: Labels (N, 6) [N, N m].
         predicted: Predictions of the model (N, 6).
 
     Returns:
-        Cells with rows: `axis`, `truth` and `predicted` (centre of the cell) [N, N m], `cell` (length of its
-        sides), and the number of `rows`. Rows beyond the frame are counted at its edge.
+        One row per cell with rows of the data: `axis`, `truth` and `predicted` (centre of the cell) [N, N m],
+        `cell` (length of its sides), and the number of `rows`. Rows beyond the frame are counted at its edge.
     """
     tables = []
     for i, axis in enumerate(WRENCH):
@@ -85,10 +85,10 @@ def _draw_cells(panel: Axes, rows: pl.DataFrame, title: str) -> None:
 
 
 def draw_axes(metrics: pl.DataFrame) -> Figure:
-    """Draw the errors of models by axis, with their intervals (Fig. 2 of the paper).
+    """Draw the errors of models by axis, with 95 % intervals (Fig. 2 of Wu et al.).
 
     Args:
-        metrics: metrics of predicted wrenches.
+        metrics: Metrics of predicted wrenches.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure

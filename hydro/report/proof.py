@@ -52,7 +52,11 @@ class Shown:
 
 
 def draw(changes: Mapping[str, Shown]) -> Figure:
-    """Draw a row of three panels for every change, by its title."""
+    """Draw a figure with a row of three panels for every change of the vehicle.
+
+    Args:
+        changes: Results of each change, by the title of its row.
+    """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

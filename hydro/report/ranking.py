@@ -65,7 +65,7 @@ def no_better(errors: ArrayLike, best: ArrayLike) -> float:
 
     Args:
         errors: Errors of the model, one number per network, shape (S,).
-        best: Errors of the other model, shape (T,).
+        best: Errors of the model to compare with, shape (T,).
     """
     return float(scipy.stats.mannwhitneyu(errors, best, alternative="greater", method="exact").pvalue)
 

@@ -14,9 +14,11 @@ from hydro.report.sources import Sources
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return the sessions of all recordings, and the sensor noise of the recording that was fitted.
+    """Return the section of the page on the recordings, as values for the template.
 
-    The result is None if the report has no table of sessions.
+    Returns:
+        A dict with `groups` (recordings, with minutes and number of sessions), `sessions` (with minutes and
+        rate), and `noise` of the sensors of the recording that was fitted; None without any of them.
     """
     listed, noise = _listed(sources), list(_noise(sources))
     if listed.is_empty() and not noise:

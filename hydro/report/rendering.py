@@ -13,7 +13,7 @@ from hydro.report.charts import Charts
 def rendered(
     template: str, charts: Charts, filters: tuple[Callable[..., Any], ...] = (), **context: Any
 ) -> str:
-    """Return a page that loads no other file.
+    """Return a page as HTML text that loads no other file.
 
     Args:
         template: File name of the template; it may include others.

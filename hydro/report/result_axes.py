@@ -74,7 +74,12 @@ def panels(
 
 
 def draw_prediction(panel: Axes, prediction: Prediction) -> None:
-    """Draw errors of predictions as given and with the findings, and the noise floor."""
+    """Draw the error of predictions as given and with the findings added, and the noise floor, as bars.
+
+    Args:
+        panel: Axes to draw into.
+        prediction: Errors before and after the findings are added [m/s].
+    """
     bars = {"as given": (prediction.given, GIVEN)}
     if prediction.added != prediction.given:
         bars["with the findings,\nheld out"] = (prediction.added, FOUND)
@@ -161,7 +166,7 @@ def draw_errors_ahead(
 
 
 def draw_ladder(panel: Axes, rows: pl.DataFrame) -> None:
-    """Draw the error after each step, with its 95 % interval and its noise floor.
+    """Draw the prediction error of each step of a study, with its 95 % interval and its noise floor.
 
     Args:
         panel: Axes to draw into.
@@ -200,10 +205,10 @@ def draw_parameters(given: Axes | Sequence[Axes] | None, table: pl.DataFrame) ->
 
     Args:
         given: Axes to draw into, one for each unit; None for a new figure.
-        table: `parameter`, `value`, `standard_error`, `unit`, `determined`.
+        table: Columns `parameter`, `value`, `standard_error`, `unit`, `determined`.
 
     Returns:
-        The axes, (n,).
+        The axes, one for each unit, in the order of the table, (n,).
     """
     groups = table.partition_by("unit", maintain_order=True)
     heights = [1.0 + one.height for one in groups]
@@ -261,7 +266,10 @@ def time_lines(table: pl.DataFrame, axes: Axes | Sequence[Axes] | None = None) -
 
     Args:
         table: History table.
-        axes: Axes to draw into, one per parameter.
+        axes: Axes to draw into, one per parameter; None for a new figure.
+
+    Returns:
+        The axes, one per parameter, (n,).
     """
     names = table["parameter"].unique(maintain_order=True).to_list()
     drawn = panels(axes, len(names), 1.6 * max(len(names), 1), (1.0,) * max(len(names), 1))

@@ -44,12 +44,17 @@ EMPTY = Text()
 
 
 def laid(paragraphs: Iterable[Text], width: int) -> list[Text]:
-    """Return paragraphs as lines of a terminal."""
+    """Return paragraphs as lines of a terminal that is `width` columns wide."""
     return [line for one in paragraphs for line in one.lines(width)]
 
 
 def command(words: Sequence[str] | None, width: int) -> Iterator[Text]:
-    """Yield the lines of a command that can be pasted; nothing without a command."""
+    """Yield the lines of a command that can be pasted into a shell; none without a command.
+
+    Args:
+        words: Words of the command; None without one.
+        width: Columns of the terminal.
+    """
     if words:
         yield from (Text(line, whole=True) for line in pasted(quoted(words), width))
 
@@ -67,14 +72,14 @@ class Following:
     words: Sequence[str] | None = None
 
     def lines(self, width: int) -> Iterator[Text]:
-        """Yield the label and the command; nothing without a command."""
+        """Yield the label, then the lines of the command; nothing if there is no command."""
         if self.words:
             yield Text(self.label)
             yield from command(self.words, width)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[Text]:
-    """Yield a table, with the first column aligned left and all others right."""
+    """Yield the header and the rows of a table as lines, the first column left, all others right."""
     cells = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
     for number, row in enumerate(cells):

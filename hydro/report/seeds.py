@@ -14,14 +14,14 @@ from hydro.report.tables import of_a_piece
 
 
 def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
-    """Return means over the networks of every model, with the smallest and the largest value.
+    """Return a new metrics table with the mean error over the networks (seeds) of every model.
 
     Args:
         errors: Metrics of several networks, with a column `run` that names the network of its model.
 
     Returns:
-        A metrics table whose interval is the smallest and largest value over networks; for a model with one
-        network, the rows and intervals of that network.
+        Per model, axis and metric the mean as `value`, and the smallest and largest value over networks as
+        `low` and `high`; for a model with one network, the rows and intervals of that network.
     """
     about = ["model", "variant", "dataset", "axis", "metric", "unit"]
     runs = pl.len() > 1
@@ -45,9 +45,9 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
             error; it and its model then rank last.
 
     Returns:
-        A metrics table: Kendall's tau over models, with its interval and the p-value of no relation. It is
-        computed from errors over all six axes, and by axis (surge force against surge velocity, and so on).
-        Empty for fewer than three models.
+        A metrics table: `kendall_tau`, Kendall's tau over models with its 95 % interval `low` to `high`, and
+        `kendall_p`, the p-value of no relation. They are computed from errors over all six axes, and by axis
+        (surge force against surge velocity, and so on). Empty for fewer than three models.
     """
     rows: list[tuple[str, str, float, float, float, str]] = []
     for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITY, strict=True)):
@@ -68,7 +68,7 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
-    """Return the table with the length of the training data appended to the models' names: `mlp, 3 min`.
+    """Return a copy of a metrics table with the minutes of training data in the models' names: `mlp, 3 min`.
 
     Args:
         errors: Metrics with a column `minutes`.
@@ -105,7 +105,14 @@ def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return Kendall's tau of the two errors as a table: `axis`, `tau`, `low`, `high`, `p`."""
+    """Return Kendall's tau of the two errors as a table, one row per axis.
+
+    Args:
+        metrics: Result of `ranking`.
+
+    Returns:
+        Columns `axis`, `tau`, `low` and `high` (95 % interval), and `p`, the p-value of no relation.
+    """
     taus = metrics.filter(pl.col("metric") == "kendall_tau").select("axis", "low", "high", tau="value")
     chances = metrics.filter(pl.col("metric") == "kendall_p").select("axis", p="value")
     both = taus.join(chances, on="axis", how="left", maintain_order="left")
@@ -120,9 +127,10 @@ def minutes_table(metrics: pl.DataFrame) -> pl.DataFrame:
             `behind_p`.
 
     Returns:
-        `minutes`, `model`; `wrench` [N, N m] and `replay` [m/s, rad/s], the root mean square errors over all
-        six axes of the wrench and of the replayed velocities. Each has its smallest and largest value over
-        seeds. `p` is explained in `behind_the_best`.
+        Columns `minutes`, `model`; `wrench` [N, N m] and `replay` [m/s, rad/s], the root mean square errors
+        over all six axes of the wrench and of the replayed velocities, each with its smallest and largest
+        value over seeds (`_low`, `_high`); and `p`, the one-sided p-value that the model replays no worse
+        than the best.
     """
     of_all = metrics.filter(pl.col("axis") == "all", ~of_a_piece())
     errors = of_all.filter(pl.col("metric") == "rmse")
@@ -149,8 +157,8 @@ def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
         metrics: Errors of replays whose dataset is the kind, such as `off` or `paper-old`.
 
     Returns:
-        `variant`, and by kind the root mean square error over all six velocities [m/s, rad/s]; null if the
-        replay diverged.
+        Columns `variant`, and for each kind, named after it, the root mean square error over all six
+        velocities [m/s, rad/s]; null if the replay diverged.
     """
     rows = metrics.filter(pl.col("axis") == "all", pl.col("metric").is_in(["rmse", "diverged"]))
     return rows.with_columns(value=pl.when(pl.col("metric") == "rmse").then("value")).pivot(

@@ -76,7 +76,7 @@ def chosen_step(sources: Sources) -> int | None:
 
 
 def at_horizon(rows: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows at the main horizon, or else at the longest one."""
+    """Return the rows of a ladder or comparison at a horizon of 5 s, or else at the longest one."""
     known = [one for one in rows["horizon"].unique().to_list() if one is not None]
     chosen = HORIZON if HORIZON in known else max(known, default=None)
     return rows.filter(pl.col("horizon").eq_missing(pl.lit(chosen, pl.Float64)))
@@ -86,8 +86,8 @@ def errors(sources: Sources) -> pl.DataFrame:
     """Return errors of predictions before and after the findings are added, from ladder or comparisons.
 
     Returns:
-        `dataset`, `axis`, `horizon`, `before`, `after` (null if nothing was added), `noise_floor`, `unit`; no
-        rows without a comparison.
+        A table with the columns `dataset` (`fit` or `holdout`), `axis`, `horizon` [s], `before`, `after`
+        (null if nothing was added), `noise_floor`, `unit`; no rows without a comparison.
     """
     key = ["dataset", "axis", "horizon"]
     if sources.ladder is not None:
@@ -128,7 +128,12 @@ def standings(sources: Sources) -> list[Standing]:
 
 
 def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
-    """Yield the errors of velocity and pose at every horizon, before and after the findings, as text."""
+    """Yield the errors of velocity and position at every horizon, before and after the findings, as texts.
+
+    Yields:
+        A dict for each data set, quantity and horizon: `dataset`, `of` (quantity and unit), `horizon`,
+        `before`, `after`, `noise`.
+    """
     both = errors(sources)
     for axis, label in (("all", "velocity"), ("pose", "position")):
         rows = both.filter(pl.col("axis") == axis).sort("dataset", "horizon", nulls_last=True)

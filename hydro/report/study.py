@@ -48,22 +48,22 @@ class Outcome:
 
     @property
     def file(self) -> Path:
-        """Return the vehicle file to use."""
+        """Path of the vehicle file to use."""
         return self.folder / f"vehicle-{self.chosen.number}.toml"
 
     @property
     def chosen_effects(self) -> list[str]:
-        """Return the effects that the steps up to the chosen one added."""
+        """Names of the effects that the steps up to the chosen one added."""
         return [name for step in self.steps[: self.chosen.number + 1] for name in step.added]
 
     @property
     def rungs(self) -> pl.DataFrame:
-        """Return the ladder of all steps."""
+        """Ladder of the study: the prediction errors of all steps in one table."""
         return pl.concat([step.ladder for step in self.steps], how="diagonal_relaxed")
 
     @property
     def beyond(self) -> list[str]:
-        """Return a sentence for each fitted value that is not physically plausible."""
+        """A sentence for each fitted value of the chosen step that is not physically plausible."""
         return implausible(self.chosen.vehicle, [table["name"] for table in self.chosen.tables])
 
 
@@ -107,7 +107,7 @@ def _corrections(study: Outcome) -> Iterator[Block]:
 
 
 def errors(study: Outcome) -> Iterator[Text]:
-    """Yield the errors of the first and the chosen step, one row per axis."""
+    """Yield the errors of the first and the chosen step as lines of a table, one per axis."""
     rungs = study.rungs
     dataset = yardsticks.judged_on(rungs)
     rows = rungs.filter(pl.col("horizon") == HORIZON, dataset=dataset)

@@ -11,14 +11,14 @@ PIECE_SUFFIX = r" ([\d.]+-[\d.]+ s)$"
 
 
 def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return the paper's Table III: one row per variant, one column per velocity axis.
+    """Return the errors of a replay as in Table III of Wu et al.: a row per variant, a column per velocity.
 
     Args:
         metrics: Metrics of one replay.
 
     Returns:
-        `variant` and the root mean square errors of u, v, w [m/s], p, q, r [rad/s]. If a replay diverged, its
-        errors are null, and the column `diverged at` has the time [s].
+        Columns `variant` and the root mean square errors of u, v, w [m/s], p, q, r [rad/s]. If a replay
+        diverged, its errors are null, and the column `diverged at` has the time [s].
     """
     metrics = metrics.filter(~of_a_piece())
     errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITY)
@@ -38,14 +38,14 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return Table III by segment: one row per piece of the recording and variant, one column per axis.
+    """Return the errors of a replay by piece of the recording: one row per piece and variant.
 
     Args:
         metrics: Metrics of one replay that was measured by piece.
 
     Returns:
-        `piece`, such as `10-20 s`; `variant`; and the root mean square errors of u, v, w [m/s] and p, q, r
-        [rad/s].
+        Columns `piece`, such as `10-20 s`; `variant`; and the root mean square errors of u, v, w [m/s] and
+        p, q, r [rad/s].
     """
     chosen = metrics.filter(
         of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITY)
@@ -71,8 +71,8 @@ def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
         metrics: Metrics of one replay.
 
     Returns:
-        `variant`; the shares of control steps in which X, Y, Z, K, M, N was clipped; and `dead band`, the
-        share in which the dead band reduced the wrench.
+        Columns `variant`; the shares (0 to 1) of control steps in which `X`, `Y`, `Z`, `K`, `M`, `N` was
+        clipped; and `dead band`, the share in which the dead band reduced the wrench.
     """
     clipped = _by_axis(metrics.filter(pl.col("metric") == "clipped"), "variant", WRENCH)
     held_back = metrics.filter(pl.col("metric") == "held_back").select(
@@ -82,15 +82,16 @@ def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return the numbers of the paper's Table II and Fig. 2, one row per model.
+    """Return the errors of models over all rows, as in Table II and Fig. 2 of Wu et al..
 
     Args:
         metrics: Metrics of predicted wrenches.
 
     Returns:
-        `model`; the root mean square errors of X, Y, Z [N], K, M, N [N m]; errors over all rows and six axes
-        without weights, as in the paper: `RMSE`, `low` and `high` of its interval, and `MAE`; and the mean
-        `R2` of the axes.
+        One row per model with the columns `model`; the root mean square errors of `X`, `Y`, `Z` [N], `K`,
+        `M`, `N` [N m]; the root mean square error `RMSE` over all rows and six axes without weights, with the
+        ends `low` and `high` of its 95 % interval; the mean absolute error `MAE` over the same; and `R2`, the
+        mean R^2 of the axes.
     """
     metrics = metrics.filter(pl.col("variant") == "")
     table = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "model", WRENCH)
@@ -117,7 +118,8 @@ def regime_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         metrics: Metrics of predicted wrenches, measured by regime.
 
     Returns:
-        `regime`, and by model the root mean square error over all six axes without weights.
+        Columns `regime`, and for each model, named after it, the root mean square error over all six axes
+        without weights.
     """
     chosen = metrics.filter(pl.col("variant") != "", pl.col("metric") == "rmse", pl.col("axis") == "all")
     table = chosen.pivot(

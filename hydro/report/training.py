@@ -21,7 +21,7 @@ MEASURES = {"reward": "mean reward of an evaluation", "success": "share of an ev
 
 
 def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
-    """Return mean and spread over seeds, at every step at which any seed was evaluated.
+    """Return mean and spread over seeds of the learning curves, one row per condition and step.
 
     A training that has ended keeps its last value, so that seeds which finish the curriculum early stay in
     the mean.
@@ -30,8 +30,8 @@ def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
         evaluations: Evaluations of several trainings; those with the purpose `curve` are used.
 
     Returns:
-        `condition`, `steps`, `seeds`, and the mean and standard deviation (`_sd`) over seeds of reward and
-        success. The standard deviation is null with one seed.
+        Columns `condition`, `steps`, `seeds` (their number), and the mean and standard deviation (`_sd`) over
+        seeds of reward and success. The standard deviation is null with one seed.
     """
     points = evaluations.filter(pl.col("purpose") == "curve").sort("steps")
     rows = []

@@ -100,10 +100,10 @@ def meaning(effect: str) -> str:
 
 
 def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
-    """Return label and sentence of a finding, a row of a diagnosis table.
+    """Return a pair of texts on a finding: a label of a few words, and a sentence.
 
     Args:
-        row: The finding.
+        row: The finding, a row of a diagnosis table.
         of_change: Whether the finding is a change since an earlier recording, not a missing effect.
     """
     label, sentence = (VERDICTS | (OF_CHANGE if of_change else {}))[row["verdict"]]
@@ -120,7 +120,12 @@ def in_short(row: dict[str, Any]) -> str:
 
 
 def values(effect: str, parameters: str, errors: str) -> list[Value]:
-    """Return the fitted numbers of an effect from its inline TOML, one by one.
+    """Return the fitted numbers of an effect, one by one, with their standard errors.
+
+    Args:
+        effect: Name of the effect.
+        parameters: Values by parameter, as the text of an inline TOML table.
+        errors: Standard errors in the same form.
 
     Raises:
         DataError: The text is not inline TOML.
@@ -135,7 +140,7 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
 
 
 def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
-    """Return the numbers of an effect's table with their standard errors, one by one.
+    """Return the numbers of an effect's table, one by one, with their standard errors.
 
     Args:
         effect: Name of the effect.
@@ -160,11 +165,14 @@ def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Val
 
 
 def terms_of(record: Parameter | None, texts: Mapping[str, Sequence[str]]) -> Sequence[str]:
-    """Return the terms of a formula to which the numbers of a parameter belong; empty without a formula.
+    """Return the terms of a formula to which the numbers of a parameter belong, as texts.
 
     Args:
-        record: The parameter.
+        record: The parameter in the catalogue; None if it is not there.
         texts: Written terms of the effect, by the name of the parameter that has them.
+
+    Returns:
+        The terms; () if the parameter does not belong to a formula.
     """
     length = record.shape[0] if record is not None and record.shape else None
     return texts.get(length, ()) if isinstance(length, str) else ()
@@ -196,13 +204,18 @@ def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> 
 
 
 def by_unit(found: Sequence[Value]) -> list[list[Value]]:
-    """Group values by their unit, so that each group can share an axis."""
+    """Return values in groups of one unit, so that each group can share an axis."""
     units = list(dict.fromkeys(one.unit for one in found))
     return [[one for one in found if one.unit == unit] for unit in units]
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number with three significant figures, in plain notation if that is short; a dash for none."""
+    """Return a number as text, in plain notation if that is short; a dash for None.
+
+    Args:
+        value: The number.
+        digits: Number of significant figures.
+    """
     if value is None or not math.isfinite(value):
         return "–"
     if value == 0.0:
@@ -233,7 +246,7 @@ def percent(share: float | None) -> str:
 
 
 def between(low: float, high: float) -> str:
-    """Return an interval of shares (0 to 1) in percent, `63 to 71 %`; one number if both round alike."""
+    """Return an interval of shares (0 to 1) as percent: `63 to 71 %`, or one number if both round alike."""
     first, last = percent(low), percent(high)
     return first if first == last else f"{first.removesuffix(' %')} to {last}"
 
@@ -245,7 +258,7 @@ def p_value(value: float) -> str:
 
 
 def probability(value: float | None) -> str:
-    """Return a probability: `0.0005`; below 0.00001 as a bound."""
+    """Return a probability as text: `0.0005`; below 0.00001 as a bound; a dash for none."""
     if value is None:
         return "–"
     return "< 0.00001" if value < 1e-5 else f"{value:.2g}" if value >= 1e-4 else f"{value:.5f}"

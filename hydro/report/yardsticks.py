@@ -26,11 +26,15 @@ MODEL = "model"
 
 
 def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return errors of the model and of the simple predictors.
+    """Return errors of the model and of the simple predictors as a table.
+
+    Args:
+        comparison: Comparison table.
 
     Returns:
-        `axis`, `horizon`, `unit`, `predictor`, and the root mean square errors `model` and `simple`; no rows
-        for a comparison of an old version without such predictors.
+        One row per axis, horizon and simple predictor, with the columns `axis`, `horizon`, `unit`,
+        `predictor`, and the root mean square errors `model` (of the vehicle) and `simple` (of the predictor);
+        no rows for a comparison of an old version without such predictors.
     """
     key = ["axis", "horizon"]
     model = comparison.filter(level="replay", by="all").select(*key, "unit", model="rmse")
@@ -39,12 +43,15 @@ def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
-    """Return errors of the model after a step, and of the simple predictors, as `of_comparison` does.
+    """Return errors of the vehicle of a study's step and of the simple predictors, as a table.
 
     Args:
         ladder: Ladder table.
-        step: Number of the step.
+        step: Number of the step of the study.
         dataset: `fit` or `holdout`.
+
+    Returns:
+        Columns `axis`, `horizon`, `unit`, `predictor`, and the root mean square errors `model` and `simple`.
     """
     there = [name for name in PREDICTORS if column(name) in ladder.columns]
     rows = ladder.filter(step=step, dataset=dataset)
@@ -56,12 +63,12 @@ def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
 
 
 def judged_on(ladder: pl.DataFrame) -> str:
-    """Return the data set for the comparison with simple predictors: held-out data if there are any."""
+    """Return the data set on which predictors are compared: `holdout` if there is one, else `fit`."""
     return "holdout" if "holdout" in ladder["dataset"] else "fit"
 
 
 def verdict(errors: pl.DataFrame) -> str:
-    """Return the predictors that are better than the model: `loses to constant velocity on p and r`.
+    """Return words on the predictors that are better than the model: `loses to constant velocity on p and r`.
 
     The text is empty if no predictor is better.
 
@@ -79,7 +86,8 @@ def verdict(errors: pl.DataFrame) -> str:
 def sentence(errors: pl.DataFrame) -> str:
     """Return a sentence on the predictors that are better than the model, or that none is.
 
-    It is empty without errors.
+    Args:
+        errors: Errors in the form of `of_comparison`; without rows, the sentence is empty.
     """
     told = verdict(errors)
     if not told:
@@ -131,7 +139,11 @@ def unlearnt(errors: pl.DataFrame, vehicle: Vehicle, training: Recording, held_o
 
 
 def table(errors: pl.DataFrame) -> pl.DataFrame:
-    """Return errors as text, one row per axis and one column per predictor; a cell has all horizons."""
+    """Return errors as texts, one row per axis and one column per predictor; a cell has all horizons.
+
+    Args:
+        errors: Errors in the form of `of_comparison`.
+    """
     horizons = errors["horizon"].unique().sort().to_list()
     rows = []
     for axis in [axis for axis in (*VELOCITY, "all") if axis in errors["axis"]]:
@@ -147,7 +159,7 @@ def table(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(errors: pl.DataFrame) -> str:
-    """Return the horizons in the cells of `table` in words: `1 / 5 / 20 s ahead`."""
+    """Return the horizons in the cells of `table` as a text: `1 / 5 / 20 s ahead`."""
     return " / ".join(f"{one:g}" for one in errors["horizon"].unique().sort()) + " s ahead"
 
 

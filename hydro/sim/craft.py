@@ -83,7 +83,7 @@ class Craft(NamedTuple):
 
     @classmethod
     def of(cls, vehicle: Vehicle, felt: Water) -> Craft:
-        """Return a vehicle with the water forces `felt`.
+        """Return a vehicle with the water forces `felt`, compiled for simulation without MuJoCo.
 
         Raises:
             UsageError: `felt` has forces that only MuJoCo can compute.
@@ -159,11 +159,11 @@ def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.ar
 def assigned(
     crafts: Sequence[Craft], kind: NDArray[np.int32], changes: dict[int, Craft]
 ) -> tuple[list[Craft], NDArray[np.int32]]:
-    """Replace simulated vehicles by new ones.
+    """Return the vehicles of a plant after some of its simulated vehicles were replaced.
 
     Args:
         crafts: Distinct vehicles in use.
-        kind: Index into `crafts` for each of the N simulated vehicles, (N,).
+        kind: Index into `crafts` for each of the N simulated vehicles, (N,); not changed.
         changes: New vehicle, by index of the simulated vehicle (0 to N - 1).
 
     Returns:
@@ -180,7 +180,13 @@ def assigned(
 
 
 def control_of(felt: Water, count: int, put: Put = np.array) -> Control:
-    """Return the residual network with its states for `count` vehicles."""
+    """Return a residual network with its initial states for `count` vehicles, as arrays.
+
+    Args:
+        felt: Water forces, with the network or without; without, the arrays are zeros.
+        count: Number of vehicles N.
+        put: Function that makes an array on the processor or a GPU.
+    """
     if felt.control is None:
         none = np.zeros(1), np.zeros((1, 6, 2)), np.zeros((1, 1)), np.zeros(1, np.float32)
         block, gains, program, weights = (put(array) for array in none)

@@ -129,7 +129,16 @@ def _stride(period: float) -> int:
 def frames(
     flights: Sequence[Flown], titles: Sequence[str], cameras: Sequence[Camera]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames of simultaneous flights until the last has ended; one that ended earlier waits."""
+    """Yield the frames of simultaneous flights until the last has ended; one that ended earlier waits.
+
+    Args:
+        flights: The flights, one per panel, with the same period.
+        titles: Caption of each panel.
+        cameras: Camera of each panel.
+
+    Yields:
+        Picture (height, width, 3), RGB, with the panels side by side.
+    """
     period, ends = flights[0].period, [len(flight.pose) - 1 for flight in flights]
     stride = _stride(period)
     panels = [np.empty(0, dtype=np.uint8)] * len(flights)
@@ -146,7 +155,7 @@ def frames(
 
 
 def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
-    """Return a picture (height, width, 3) with a text in its upper left corner."""
+    """Return a copy of a picture (height, width, 3), RGB, with a text in its upper left corner."""
     from PIL import Image, ImageDraw, ImageFont
 
     drawn = Image.fromarray(picture)

@@ -46,7 +46,13 @@ class FleetPlant(ABC):
         )
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start the vehicles of a mask (N,) at a pose and velocity; see `Plant`."""
+        """Start the vehicles of a mask (N,) with thrusters at rest and clock at 0.
+
+        Args:
+            mask: Vehicles that start, (N,).
+            pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED (N, 7).
+            velocity: u v w p q r over ground, FRD [m/s, rad/s] (N, 6).
+        """
         self.diverged[mask] = False
         for _, array in self._states():
             array[mask] = 0.0
@@ -54,14 +60,19 @@ class FleetPlant(ABC):
         self._fly(mask, self._pace._replace(steps=0))
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step; see `Plant`."""
+        """Simulate one control step, and rewrite the plant's arrays of readings.
+
+        Args:
+            commands: Commands in [-1, 1], held during the step (N, n).
+            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+        """
         held = self._fleet.commands
         held[:, :-1] = held[:, 1:]
         held[:, -1] = commands
         self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
 
     def snapshot(self) -> Snapshot:
-        """Return all states and readings."""
+        """Return a copy of all states and readings as arrays by name, for `restore`."""
         return {name: np.array(array) for name, array in self._arrays()}
 
     def restore(self, snapshot: Snapshot) -> None:

@@ -93,8 +93,14 @@ def begin(
 ) -> None:
     """Start the internal states of vehicle `k` at their steady values, and write its readings.
 
-    The arguments are those of `fly`; here the thruster table (n, columns) and the buffer of lag states (3, n)
-    are separate arguments.
+    Args:
+        k: Index of the vehicle.
+        motion: Program and hull of the vehicle, and buffers for its motion.
+        table: Thruster table, (n, columns), for n thrusters.
+        rotors: Buffer of lag states, (3, n).
+        fleet: States of the vehicles; the internal states of row `k` are written.
+        pace: Time steps; only the gravity is used.
+        readings: Row `k` is written.
     """
     copy_kernel(fleet.y[k], motion.y)
     copy_kernel(fleet.lags[k], rotors[2])

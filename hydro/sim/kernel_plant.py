@@ -66,7 +66,7 @@ class KernelPlant(FleetPlant):
         self._list, self._crafts = [first], crafts_of([first], np.zeros(count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles by index; see `Plant`.
+        """Replace vehicles, given by their index in the plant; reset each before its next step.
 
         Raises:
             DataError: A vehicle cannot be simulated together with the first.
@@ -106,7 +106,7 @@ def fly_kernel(
     pace: Pace,
     readings: Readings,
 ) -> None:
-    """Simulate the vehicles of a mask (N,) for a control step.
+    """Simulate the vehicles of a mask (N,) for a control step; `fleet` and `readings` are written.
 
     Args:
         mask: Vehicles that move.
@@ -115,7 +115,7 @@ def fly_kernel(
         room: Lengths of the network's workspace and of its further buffer; (0, 0) without a network.
         fleet: States of all vehicles; the newest commands are those of this step.
         pace: Time steps; with 0 steps, the internal states start at their steady values instead.
-        readings: Written; see `sim.flight.fly`.
+        readings: Pose, velocity, specific force, thrusts and divergence of all vehicles.
     """
     size, thrusters, networked = fleet.y.shape[1], fleet.lags.shape[1], room[0] > 0
     y, work = np.zeros(size), np.zeros((4, size))

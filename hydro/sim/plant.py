@@ -34,7 +34,7 @@ class Readings(NamedTuple):
 
     @classmethod
     def of(cls, count: int, thrusters: int) -> Readings:
-        """Return the readings of `count` vehicles at rest at the origin."""
+        """Return the readings of `count` vehicles with `thrusters` thrusters each, at rest at the origin."""
         pose, diverged = np.zeros((count, 7)), np.zeros(count, dtype=np.bool_)
         pose[:, 3] = 1.0
         return cls(pose, np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, thrusters)), diverged)
@@ -97,7 +97,7 @@ class Plant(Protocol):
         """
 
     def snapshot(self) -> Snapshot:
-        """Return all states."""
+        """Return a copy of all states and readings as arrays by name, for `restore`."""
 
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot, bit for bit."""
@@ -148,7 +148,7 @@ class StudentPlant:
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles by index; see `Plant`.
+        """Replace vehicles, given by their index in the plant; reset each before its next step.
 
         Raises:
             DataError: A vehicle cannot be simulated together with the first.
@@ -156,13 +156,24 @@ class StudentPlant:
         self._student.change({k: (vehicle, self._water(vehicle)) for k, vehicle in vehicles.items()})
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start the vehicles of a mask (N,) at a pose and velocity; see `Plant`."""
+        """Start the vehicles of a mask (N,) with thrusters at rest and clock at 0.
+
+        Args:
+            mask: Vehicles that start, (N,).
+            pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED (N, 7).
+            velocity: u v w p q r over ground, FRD [m/s, rad/s] (N, 6).
+        """
         self._student.restart(mask, pose, velocity)
         self.diverged[mask] = False
         self._read(mask)
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step; see `Plant`."""
+        """Simulate one control step, and rewrite the plant's arrays of readings.
+
+        Args:
+            commands: Commands in [-1, 1], held during the step (N, n).
+            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+        """
         self._ctrl[:] = commands
         self._student.march(self._steps, None if flying is None else np.flatnonzero(flying))
         self._read(self._all if flying is None else flying)
@@ -173,7 +184,7 @@ class StudentPlant:
         np.copyto(self.thrust, self._force, where=mask[:, None])
 
     def snapshot(self) -> Snapshot:
-        """Return all states and readings."""
+        """Return a copy of all states and readings as arrays by name, for `restore`."""
         batch = self._student.batch
         return {name: np.array(array) for name, array in self._readings._asdict().items()} | {
             "state": np.array(batch.state),

@@ -76,8 +76,8 @@ EFFECTS = Variant("effects", water="effects")
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
     """Return the model variants of a replay: baselines, one per residual model, and all effects.
 
-    A model has the paper's name, if it has one.  A model whose labels excluded all effects runs with them, as
-    `effects+` and its name.
+    A model has the name that Wu et al. give it, if any.  A model whose labels excluded all effects runs with
+    them, as `effects+` and its name.
 
     Args:
         models: Trained models.
@@ -117,12 +117,12 @@ class Setup:
     """Settings of a replay.
 
     Attributes:
-        conditioning: Filter and limits of a network's wrench (paper III-B); none by default.
+        conditioning: Filter and limits of a network's wrench (Wu et al., III-B); none by default.
         design: Filter for the online acceleration; by default one that trusts every sample.
-        control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
+        control_step: Time for which a network's wrench is held [s]; by default 25 Hz as in Wu et al..
         lead: Time by which a network is evaluated ahead, as a share of the control step, see
             `sim.residual.control`.
-        physics: Step and integrator; the paper's 500 Hz by default.
+        physics: Step and integrator; by default 500 Hz as in Wu et al..
         threads: Number of threads that share the segments.
         folder: Folder of the vehicle file, which has its hull mesh.
     """
@@ -136,7 +136,7 @@ class Setup:
     folder: Path | None = None
 
     def student(self, variant: Variant, vehicle: Vehicle, count: int) -> Student:
-        """Return MuJoCo models of `count` vehicles for a variant."""
+        """Return a new simulation in MuJoCo of `count` equal vehicles with the water forces of a variant."""
         water = _water(variant, vehicle, self._control)
         return Student(
             vehicle, water, count=count, physics=self.physics, threads=self.threads, folder=self.folder
@@ -165,19 +165,20 @@ def replay(
     Args:
         vehicle: Vehicle file of the recording.
         raw: Raw table.
-        flown: Variants, see `variants`.
-        setup: Settings; by default the paper's, except the lead.
+        flown: Variants of the water model, from `variants`.
+        setup: Settings; by default those of Wu et al., except the lead.
         dataset: Name of the recording in the metrics.
         piece: Also measure the errors of every piece of this length [s] of each session, such as the segments
             of a sequence of commands; its dataset is called `recording 10-20 s`.
         progress: Called with the name of a variant, the rows done of the longest segment, and its total.
 
     Returns:
-        Series and metrics.  The series have the columns of `schemas/replay.json`, with the recording as
-        variant `measured`; a diverged flight ends where it diverges.  The metrics are those of
-        `evaluation.metrics.measure`, and shares of the control steps in which the conditioning acted:
-        `clipped` by axis, and `held_back` by the dead band.  If a flight diverged, `diverged` is the time in
-        the first such segment.
+        A pair of frames, series and metrics.  The series, one row per variant and time, have the columns of
+        `schemas/replay.json`, with the recording as variant `measured`; a diverged flight ends where it
+        diverges.  The metrics have root mean square error, mean absolute error and R^2 of each velocity, with
+        95 % intervals, and shares of the control steps in which the conditioning acted: `clipped` by axis,
+        and `held_back` by the dead band.  If a flight diverged, `diverged` is the time in the first such
+        segment.
 
     Raises:
         DataError: The table does not fit the vehicle, or a model cannot run with its effects.

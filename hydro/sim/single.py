@@ -58,7 +58,11 @@ def load(path: str | Path) -> Pair:
 
 
 def text(vehicle: Vehicle, physics: Physics) -> str:
-    """Return the model of a vehicle as MJCF.
+    """Return the model of a vehicle as the text of an MJCF file.
+
+    Args:
+        vehicle: Vehicle file.
+        physics: Step and integrator.
 
     Raises:
         DataError: The vehicle cannot be simulated, or XML would change a name.

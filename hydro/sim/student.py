@@ -27,7 +27,7 @@ _TIME = mujoco.mjtState.mjSTATE_TIME
 
 @dataclass(frozen=True)
 class Physics:
-    """Step and integrator of MuJoCo; the paper's 500 Hz by default.
+    """Step and integrator of MuJoCo; by default 500 Hz as in Wu et al..
 
     Attributes:
         timestep: Physics step [s].
@@ -131,7 +131,8 @@ class Student:
         """Replace the vehicles of simulations, by index.
 
         Args:
-            vehicles: New vehicle and its water forces, with the thrusters and internal states of the first.
+            vehicles: New vehicle and its water forces by index, with the thrusters and internal states of the
+                first.
 
         Raises:
             DataError: A vehicle cannot be simulated, or is too different.
@@ -229,7 +230,9 @@ class Student:
         return motion
 
     def conditioning_counts(self) -> list[Counts]:
-        """Return how often the conditioning of a residual network acted on each vehicle since its start.
+        """Return, for each vehicle, the counts of control steps in which the conditioning changed the wrench.
+
+        They count from the vehicle's start.
 
         Raises:
             UsageError: The vehicles have no network.
@@ -255,6 +258,14 @@ def _silent_warnings() -> Iterator[None]:
 
 
 def control_states(model: mujoco.MjModel, name: str) -> int | None:
-    """Return the index of a network's first state in MuJoCo's activations; None without a network."""
+    """Return the index in MuJoCo's activations of the first state of a vehicle's network.
+
+    Args:
+        model: Compiled model.
+        name: Name of the vehicle's body.
+
+    Returns:
+        The index; None without a network.
+    """
     field = model.numeric(PREFIX + name).data
     return int(field[AT_CONTROL_STATES]) if field[AT_CONTROL] else None

@@ -75,7 +75,15 @@ class Subject(Protocol):
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion of one session, and its commands; see the function `fly`."""
+        """Return the true motion (N, 12) of one session, and its effective commands (N, n).
+
+        Args:
+            demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
+            depth: Depth of the start and of the hold [m].
+            heading: Heading of the start, and of the hold [rad].
+            hold_heading: Hold the heading in addition to depth, roll and pitch.
+            sea: Seeds of the waves.
+        """
 
 
 @dataclass(frozen=True)
@@ -116,13 +124,21 @@ class Teacher:
 
     @property
     def added_mass(self) -> Array:
-        """M_A of the equivalent ellipsoid about CO, (6, 6)."""
+        """Added mass M_A (6, 6) of the equivalent ellipsoid about the body origin CO [kg, kg m, kg m^2]."""
         return _ellipsoid_added_mass(self.vehicle)
 
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion of one session, and its commands; see the function `fly`."""
+        """Return the true motion (N, 12) of one session, and its effective commands (N, n).
+
+        Args:
+            demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
+            depth: Depth of the start and of the hold [m].
+            heading: Heading of the start, and of the hold [rad].
+            hold_heading: Hold the heading in addition to depth, roll and pitch.
+            sea: Seeds of the waves, if there are waves in the file or hidden.
+        """
         return fly(self, demand, depth=depth, heading=heading, hold_heading=hold_heading, sea=sea)
 
 
@@ -168,11 +184,12 @@ def teacher(
 
 
 def surface_of(vehicle: Vehicle, mesh: tuple[Array, Any] | None) -> tuple[Array, Any]:
-    """Return vertices [m] and faces of a hull.
+    """Return a pair of the vertices (V, 3) [m] and the triangles (F, 3) of a hull.
 
     Args:
         vehicle: Vehicle file, for the size of the hull.
-        mesh: Vertices and faces of the hull; None for a superellipsoid of the hull's size.
+        mesh: Vertices and faces of the hull, which are returned as they are; None for a superellipsoid of the
+            hull's size.
     """
     size = vehicle.hull
     return superellipsoid(size.length, size.width, size.height, size.center) if mesh is None else mesh

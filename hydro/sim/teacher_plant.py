@@ -53,7 +53,7 @@ class TeacherPlant(FleetPlant):
         self._own: dict[int, tuple[Array, Array]] = {}
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles by index; see `sim.plant.Plant`.
+        """Replace vehicles, given by their index in the plant; reset each before its next step.
 
         Raises:
             DataError: The embedded simulator refuses a vehicle, or it has other thrusters or internal states.

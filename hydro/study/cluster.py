@@ -89,7 +89,11 @@ class Cluster:
         self._ray.shutdown()
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield results in the order of the arguments; see `study.engine.Engine.each`.
+        """Run a task on the nodes, once for each tuple of arguments, and yield the results in that order.
+
+        Args:
+            task: Function of a module, which nodes import by its name.
+            arguments: Positional arguments of each call.
 
         Raises:
             HydroError: A task failed; the error of the first such task.
@@ -101,7 +105,7 @@ class Cluster:
     def as_they_end(
         self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
-        """Yield the results of `each` in the order in which the tasks end."""
+        """Run a task as `each` does, but yield each result as soon as its task ends, whatever their order."""
         waiting = self._begun(task, arguments)
         while waiting:
             ended, waiting = self._ray.wait(waiting)
@@ -141,7 +145,10 @@ class Cluster:
         return [node for node in found if node[2]]
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Run a function once on every node, and refuse nodes with another version of hydro or Python.
+        """Refuse nodes with another version of hydro or Python, and run a function once on every node.
+
+        Args:
+            warm: Function to run, such as one that compiles kernels; None only checks the nodes.
 
         Raises:
             DataError: A node has another version, or does not see this folder.

@@ -40,7 +40,7 @@ class Diagnosed:
 
 
 def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected: bool = False) -> Diagnosed:
-    """Diagnose one session, and write the findings and their covariance into another folder.
+    """Diagnose one session, write the findings and their covariance into a folder, and return the result.
 
     An error in a session becomes part of its result, so that the other sessions are diagnosed.
 
@@ -49,8 +49,8 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected
         folder: Folder of the results, which gets a folder for each session.
         start: The vehicle, with its known values marked.
         text: Text of its file.
-        corrected: Continue where the thrusters contradict the file, with the columns as the audit states
-            them.
+        corrected: Whether a session whose thrusters contradict the file is diagnosed with the directions and
+            the column order that the thruster audit finds; otherwise the contradiction is the only finding.
     """
     try:
         findings, headline = _written(part, partitions.place(folder, part.session), start, text, corrected)
@@ -94,7 +94,12 @@ def _written(
 
 
 def warm(part: Part, start: Vehicle) -> None:
-    """Compile the kernels of a diagnosis by diagnosing the first rows of a session."""
+    """Compile the kernels of a diagnosis by diagnosing the first rows of a session; nothing is written.
+
+    Args:
+        part: The session.
+        start: The vehicle.
+    """
     rows = partitions.scan(part.path)
     with contextlib.suppress(DataError):  # the diagnosis of the whole session reports such an error
         dt = sample_time(rows.select("session", "t").head(FEW).collect())

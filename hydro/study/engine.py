@@ -23,11 +23,11 @@ class Engine(Protocol):
         """Check that every node can run tasks, and run `warm` once on each, such as to compile kernels."""
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield the results of a task for each of the arguments, in their order.
+        """Run a task once for each tuple of arguments, and yield the results in that order.
 
         Args:
             task: Function of a module, which nodes import by its name.
-            arguments: Arguments of each call.
+            arguments: Positional arguments of each call.
         """
 
     def execute(self, step: Step) -> None:
@@ -51,6 +51,6 @@ class Here:
         """Do nothing: the first task of this process compiles its kernels."""
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield the results in order, see `Engine.each`."""
+        """Run a task once for each tuple of arguments, and yield the results in that order."""
         for each in arguments:
             yield task(*each)

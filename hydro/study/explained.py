@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def save_recorded(study: Study, vehicles: Mapping[int, Vehicle], log: Preprocessed) -> None:
-    """Write replays, unexplained forces and growth of the chosen steps, and the list of sessions.
+    """Write the tables of a study that replay the recordings or show unexplained forces, into its folder.
+
+    They are `replay`; `leftover`, unexplained forces, and `growth`, powers of velocity by which the force
+    grows, if there are enough samples; and `sessions`, the list of sessions.
 
     Args:
         study: The study.
@@ -49,10 +52,10 @@ def save_recorded(study: Study, vehicles: Mapping[int, Vehicle], log: Preprocess
 
 
 def save_bands(study: Study, step: Step) -> str:
-    """Write the intervals (bands) of a step's predictions, unless no value was fitted.
+    """Write the 95 % intervals (bands) of a step's predictions to the study's folder, if values were fitted.
 
     Returns:
-        The reason why there are none; empty if they were written or not needed.
+        The reason why there are no bands; empty if they were written or no value was fitted.
     """
     from hydro.core.evaluation.rolling_prediction import FEW_DRAWS, restarted_bands
 

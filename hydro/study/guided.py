@@ -54,7 +54,7 @@ class Places:
 
 
 def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading: Sequence[str]) -> Step:
-    """Return the step that imports the logs.
+    """Return the step, not yet run, that imports the logs as the raw table of the study.
 
     Args:
         places: Where the files of the study are.
@@ -68,13 +68,13 @@ def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading
 
 
 def audited(places: Places) -> Step:
-    """Return the step that audits the thrusters."""
+    """Return the step, not yet run, that audits the thrusters with the recording."""
     line = ("check", str(places.vehicle), str(places.recording))
     return Step(line, places.explained, ())
 
 
 def explained(places: Places, *, corrected: bool) -> Step:
-    """Return the step that searches for missing effects.
+    """Return the step, not yet run, that searches for missing effects.
 
     Args:
         places: Where the files of the study are.
@@ -87,13 +87,13 @@ def explained(places: Places, *, corrected: bool) -> Step:
 
 
 def reported(places: Places) -> Step:
-    """Return the step that writes the report of the study."""
+    """Return the step, not yet run, that writes the HTML report of the study."""
     line = ("report", str(places.study), "-o", str(places.report))
     return Step(line, explained(places, corrected=False).writes, (places.report,))
 
 
 def script(steps: Sequence[Step], folder: Path, again: Sequence[str]) -> str:
-    """Return a shell script that runs the given steps.
+    """Return the text of a shell script that runs the given steps.
 
     Args:
         steps: The steps, in order.

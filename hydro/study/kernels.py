@@ -55,7 +55,7 @@ def compile_network(seconds: float = SECONDS) -> None:
 
 
 def compile_kernels(seconds: float = SECONDS) -> float:
-    """Compile in two processes at a time; return the time taken [s]."""
+    """Compile all kernels, two processes at a time; return the time that this took [s]."""
     begin = time.monotonic()
     with ProcessPoolExecutor(2, mp_context=get_context("spawn"), initializer=_quiet) as pool:
         for done in [pool.submit(work, seconds) for work in (compile_diagnosis, compile_network)]:
@@ -76,7 +76,7 @@ def _quiet() -> None:
 
 
 def main(seconds: float = SECONDS) -> None:
-    """Compile, and say how long it took."""
+    """Compile all kernels with `seconds` of a bundled recording, and print how long that took."""
     print("compiling kernels for this machine, about a minute, only once", flush=True)
     print(f"compiled in {compile_kernels(seconds):.0f} s")
 

@@ -68,7 +68,7 @@ class Labelled:
 
 
 def label(source: Artefact, how: Labelling) -> tuple[Artefact, tuple[str, ...]]:
-    """Return the labels of a recording, and notes on the recording, one line each.
+    """Return the labels of a recording as a new table with provenance, and notes on it, one line each.
 
     Args:
         source: Raw table.
@@ -114,7 +114,7 @@ def _parameters(how: Labelling) -> dict[str, Any]:
 
 
 def shared(dataset: Dataset, how: Labelling) -> Labelling:
-    """Return the label settings, completed by the settings that all sessions of a data set must share.
+    """Return a copy of label settings, completed by the filter that all sessions of a data set must share.
 
     If a session has nulls, all are labelled from samples; otherwise all share one filter.  Memory holds the
     times or velocities of one session at a time.
@@ -155,7 +155,7 @@ def _columns(part: Part, *names: str) -> pl.DataFrame:
 
 
 def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
-    """Read one session of a data set, label it, and write it into another folder.
+    """Read one session of a data set, label it, and write the labels into `folder`; return name and notes.
 
     Raises:
         DataError: As for `label`, with the name of the file in front.
@@ -167,7 +167,12 @@ def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
 
 
 def warm(part: Part, how: Labelling) -> None:
-    """Compile the kernels for labels, with the first rows of a session."""
+    """Compile the kernels for labels with the first rows of a session; nothing is written.
+
+    Args:
+        part: The session.
+        how: Settings of the labels.
+    """
     head = partitions.scan(part.path).head(WARM).collect()
     rows = table.make(part.kind, head, stage="warm")
     with contextlib.suppress(DataError):  # labelling the whole session reports such an error

@@ -104,7 +104,13 @@ class Result:
 
 
 def carry_out(study: Study, runner: Runner, workers: int = 1) -> Result:
-    """Run the steps that are not done, and summarise after every round of seeds."""
+    """Run the steps of a study that are not done, and write its summary tables after every round of seeds.
+
+    Args:
+        study: The study.
+        runner: Runner with the ledger of the study's folder.
+        workers: Number of steps that run at the same time.
+    """
     rounds, steps = _rounds(study), _steps(study)
     done, made, complete, ran = set[Step](), set[Path](), 0, 0
     summary: dict[str, pl.DataFrame] = {}
@@ -148,9 +154,14 @@ def _reads(data: Recordings, *files: Path) -> tuple[Path, ...]:
 
 
 def disturb(study: Study, runner: Runner, noise: Noise) -> None:
-    """Write the training recording with noise added, unless that is done already.
+    """Write the training recording with noise added as `noisy.parquet`, unless that is done already.
 
     No command adds noise, so this function takes the place of a step.
+
+    Args:
+        study: The study.
+        runner: Runner that records the file in its ledger.
+        noise: Noise to add, drawn with seed 0.
     """
     import numpy as np
     import polars as pl

@@ -51,7 +51,7 @@ REPLAYS = (Replay("paper-old", 0.0), Replay("paper-new", 0.0), Replay("off", 0.0
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study of the paper.
+    """Settings of a study that repeats the experiment of Deep Hydro-Sim (Wu et al.).
 
     Attributes:
         folder: Folder of the study.
@@ -99,11 +99,11 @@ class Study:
         return self.folder / "identified.toml"
 
     def offline(self, protocol: str) -> Path:
-        """Return the path of the prediction errors of the networks of a protocol (Table II of the paper)."""
+        """Return the path of the prediction errors of the networks of a protocol (Table II of Wu et al.)."""
         return self.folder / f"offline-{protocol}.parquet"
 
     def replayed(self, protocol: str, way: Replay) -> Path:
-        """Return the path of the replay errors of the networks of a protocol (Table III of the paper)."""
+        """Return the path of the replay errors of the networks of a protocol (Table III of Wu et al.)."""
         return self.folder / f"replay-{protocol}-{way.name}.parquet"
 
     @property

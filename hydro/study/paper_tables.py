@@ -27,16 +27,16 @@ LASTING = 2
 
 
 def trainings(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
-    """Return a row for every training of a study, including those that were not run.
+    """Return a table with a row for every training of a study, including those that were not run.
 
     Args:
         study: The study.
-        of: Trainings; by default all of the study.
+        of: Trainings; () stands for all of the study.
 
     Returns:
-        `recipe`, `condition`, `seed`; `state`; `steps` and `updates` so far; `updates_1` to `updates_3`, the
-        SAC updates after which a stage was passed; `stages`, the number of passed stages; `processor`, the
-        processor time in seconds; `diverged`, the kind of divergence or an empty text.
+        Columns `recipe`, `condition`, `seed`; `state`; `steps` and `updates` so far; `updates_1` to
+        `updates_3`, the SAC updates after which a stage was passed; `stages`, the number of passed stages;
+        `processor`, the processor time in seconds; `diverged`, the kind of divergence or an empty text.
     """
     import polars as pl
 
@@ -82,9 +82,11 @@ def _training(study: Study, run: Run, ledger: dict[str, dict[str, str]]) -> dict
 
 
 def divergence(curves: pl.DataFrame, evaluations: pl.DataFrame) -> str:
-    """Return the kind of divergence of a training, from its tables; an empty text without one.
+    """Return the kind of divergence of a training: `numerical`, `critic`, `success`, or an empty text.
 
-    The kinds are those of `training.divergence`: `numerical`, `critic`, and `success`.
+    Args:
+        curves: Curves of the training: losses of the critic, and episodes that diverged numerically.
+        evaluations: Its evaluations without exploration.
     """
     import numpy as np
 
@@ -99,11 +101,16 @@ def divergence(curves: pl.DataFrame, evaluations: pl.DataFrame) -> str:
 
 
 def flights(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
-    """Return the test flights of the trainings that were tested in every simulator.
+    """Return the test flights of the trainings whose tests in all simulators are complete.
 
     Args:
         study: The study.
-        of: Trainings; by default all of the study.
+        of: Trainings; () stands for all of the study.
+
+    Returns:
+        The rows of all tables of kind `evaluations`, one per policy or pilot and test, with the columns
+        `flown_by`, `condition`, `seed`, `plant` (simulator), `task`, `episodes` and `success` among others;
+        an empty frame if no training is complete.
     """
     import polars as pl
 
@@ -116,7 +123,7 @@ def flights(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
 
 
 def differences(tests: pl.DataFrame, first: str = "R_PhysFeat") -> pl.DataFrame:
-    """Return the differences of the arrival rates of other conditions from those of `first`.
+    """Return the differences of the arrival rates of other conditions from that of the condition `first`.
 
     The rates are those of all policies of a condition together.  The 95 % interval is Newcombe's, from
     Wilson's intervals of both rates; it takes all flights as independent and so does not include the spread
@@ -125,6 +132,11 @@ def differences(tests: pl.DataFrame, first: str = "R_PhysFeat") -> pl.DataFrame:
     Args:
         tests: Result of `flights`.
         first: Condition that the others are compared with.
+
+    Returns:
+        One row per simulator, task and other condition: `plant`, `task`, `condition`, `compared_with`
+        (`first`), the numbers of trainings `seeds` and `compared_seeds`, and the `difference` with the ends
+        `low` and `high` of its interval.
     """
     import polars as pl
 
@@ -173,11 +185,12 @@ def _newcombe(one: dict[str, Any], other: dict[str, Any]) -> tuple[float, float,
 
 
 def networks(study: Study) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Return the errors of the networks computed so far: of the predicted wrench, and of the replay.
+    """Return two tables with the errors of the networks so far: of the predicted wrench, and of the replay.
 
     Returns:
-        Tables of `report.tables.prediction_errors` and `replay_errors` with a column `protocol`; the second
-        also with `conditioning` and `lead`, and without the rows of diverged replays.
+        One row per model and training `protocol`, with the columns of `report.tables.prediction_errors`; and
+        one row per variant, protocol, `conditioning` and `lead`, with those of `replay_errors`.  A frame is
+        empty if nothing was computed yet.
     """
     import polars as pl
 

@@ -88,21 +88,21 @@ class Study:
 
     @property
     def reading(self) -> tuple[str, ...]:
-        """Command-line options with which every step reads files."""
+        """Command-line options with which every step reads files; empty for the default limit."""
         from hydro.io.readers.expansion import OPTION
 
         return () if self.max_expanded is None else (OPTION, f"{self.max_expanded:g}")
 
     @property
     def levels(self) -> list[tuple[str, int]]:
-        """Return task and greatest level of every stage."""
+        """Task and greatest level of every stage, as a list of pairs in the order of the stages."""
         from dataclasses import replace
 
         return list(dict(replace(self.curriculum, task="", last=self.stages).levels).items())
 
     @property
     def curriculum(self) -> Curriculum:
-        """Return the curriculum of the trainings."""
+        """Curriculum of the trainings."""
         from hydro.rl.training.config import RECIPES
         from hydro.rl.training.runs import changed
 
@@ -120,7 +120,7 @@ def _kind(path: Path) -> str:
 
 
 def runs(study: Study) -> tuple[list[Run], list[str]]:
-    """Return the trainings, seed by seed, and a line for each condition without its file.
+    """Return the trainings, seed by seed, and a list of messages, one for each condition without its file.
 
     Raises:
         UsageError: A condition is unknown, or all of them lack their file.
@@ -150,7 +150,12 @@ def runs(study: Study) -> tuple[list[Run], list[str]]:
 
 
 def steps(study: Study, of: Sequence[Run]) -> list[Step]:
-    """Return the steps that train and test every run, and draw the learning curves of all."""
+    """Return the steps, not yet run, that train and test every run, and draw the learning curves of all.
+
+    Args:
+        study: The study.
+        of: The runs.
+    """
     plan = [step for run in of for step in _of_a_run(study, run, first=run is of[0])]
     curves, folders = study.folder / "curves.png", [str(run.folder) for run in of]
     reads = tuple(run.folder / "evaluations.parquet" for run in of)
@@ -194,7 +199,15 @@ def tests(study: Study) -> list[tuple[str, int]]:
 
 
 def summarise(study: Study, runs: Sequence[Run]) -> pl.DataFrame:
-    """Write the results of all tested policies to one table in the folder of the study, and return it."""
+    """Write the results of all tested policies to `tests.parquet` in the study's folder, and return them.
+
+    Args:
+        study: The study.
+        runs: Trainings whose tests are all complete.
+
+    Returns:
+        The written table, one row per policy or pilot and test.
+    """
     import polars as pl
 
     from hydro.io import table

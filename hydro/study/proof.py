@@ -114,7 +114,7 @@ class Run:
 
 
 def finding(study: Study) -> list[Step]:
-    """Return the steps that explain the log, and compare the true vehicle with the held-out recording."""
+    """Return two steps, not yet run: explain the log, and compare the true vehicle with held-out data."""
     beside = () if study.before is None else ("--before", str(study.before))
     wanted = [word for name in study.wanted for word in ("--add", name)]
     line = ("explain", str(study.vehicle), str(study.log), *beside, "--holdout", str(study.holdout), *wanted)
@@ -128,7 +128,7 @@ def finding(study: Study) -> list[Step]:
 
 
 def chosen(study: Study) -> Path:
-    """Return the vehicle file that `explain` recommends.
+    """Return the path of the vehicle file of the step that `explain` recommends.
 
     Raises:
         DataError: `explain` added nothing.
@@ -142,7 +142,7 @@ def chosen(study: Study) -> Path:
 
 
 def trainings(study: Study, after: Path) -> list[Step]:
-    """Return the steps that fly the pilot, and train and test all policies.
+    """Return the steps, not yet run, that fly the pilot, and train and test all policies.
 
     Args:
         study: The study.

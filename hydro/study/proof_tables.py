@@ -28,11 +28,11 @@ FLOWN = ("seed", "updates", "episodes", "success", "success_low", "success_high"
 
 
 def errors(study: Study) -> pl.DataFrame:
-    """Return the velocity errors 5 s ahead on held-out data, with all axes weighted together.
+    """Return a table of the velocity errors 5 s ahead on held-out data, with all axes weighted together.
 
     Returns:
-        `method`: the file, every step of `explain`, the simple predictors and the file with the true change;
-        `error` [m/s] with `low` and `high`, a 95 % interval of a block bootstrap, where there is one.
+        Columns `method`: the file, every step of `explain`, the simple predictors and the file with the true
+        change; `error` [m/s] with `low` and `high`, a 95 % interval of a block bootstrap, where there is one.
     """
     import polars as pl
 
@@ -57,15 +57,16 @@ def _error(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def named(study: Study, after: Path) -> pl.DataFrame:
-    """Return every value that the finding or the truth changes in the vehicle file.
+    """Return a table of every value that the finding or the truth changes in the vehicle file.
 
     Args:
         study: The study.
         after: Vehicle file with the finding.
 
     Returns:
-        `value`, its name, such as `thruster_gain g[3]` for the third thruster; `given`, null in a new effect;
-        `found` with the 95 % interval `low` to `high`; `true`, 0 if the true vehicle has no such effect.
+        Columns `value`, its name, such as `thruster_gain g[3]` for the third thruster; `given`, null in a new
+        effect; `found` with the 95 % interval `low` to `high`; `true`, 0 if the true vehicle has no such
+        effect.
     """
     from hydro.io import vehicle
 
@@ -74,7 +75,12 @@ def named(study: Study, after: Path) -> pl.DataFrame:
 
 
 def changes(given: Vehicle, found: Vehicle, true: Vehicle) -> pl.DataFrame:
-    """Return the values in which a found or a true vehicle differs from a given one; see `named`."""
+    """Return a table of the values in which a found or a true vehicle differs from a given one.
+
+    Returns:
+        Columns `value` (name), `given`, `found` with the 95 % interval `low` to `high`, and `true`, as in
+        `named`; values of new effects come first.
+    """
     import polars as pl
 
     before, ours, theirs = (_values(one) for one in (given, found, true))
@@ -121,10 +127,10 @@ def _numbers(value: Any) -> Iterator[tuple[str, float]]:
 
 
 def flights(study: Study) -> pl.DataFrame:
-    """Return the flights of all policies that were tested, and of the pilot.
+    """Return the test flights of all policies that were tested, and of the pilot, one row per test.
 
     Returns:
-        `flown_by` (policy or helmsman), `file` (before or after the finding), `vehicle` (changed or
+        Columns `flown_by` (policy or helmsman), `file` (before or after the finding), `vehicle` (changed or
         unchanged), `seed`, `updates`, `episodes`; the share `success` of arrivals.  Wilson's 95 % interval
         is `success_low` to `success_high`.
     """

@@ -80,7 +80,12 @@ class Runner:
                 self._message(f"hydro: {self._path}: cannot be read: every step is run again")
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:
-        """Run the steps that are not done, and return their number."""
+        """Run the steps that are not done, and return how many steps were run.
+
+        Args:
+            steps: Steps, each after those whose output it reads.
+            workers: Number of steps that run at the same time.
+        """
         return sum(anew for _, anew in self.one_by_one(steps, workers))
 
     def one_by_one(self, steps: Sequence[Step], workers: int = 1) -> Iterator[tuple[Step, bool]]:
@@ -89,6 +94,13 @@ class Runner:
         With more than one worker, steps run in parallel as soon as their input files are complete.  Messages
         state the running command, the time that each step took and, once a step of every command has been
         timed, the approximate remaining time.
+
+        Args:
+            steps: Steps, each after those whose output it reads.
+            workers: Number of steps that run at the same time.
+
+        Yields:
+            The step; and True if it was run now, False if it had been done before.
         """
         self._todo = [step for step in steps if not self.done(step)]
         if self._todo and len(self._todo) < len(steps):
@@ -150,7 +162,13 @@ class Runner:
         return {"version": version("deep-hydro-sim")} | files
 
     def record(self, step: Step, seconds: float, workers: int = 1) -> None:
-        """Record a step that has been run, write the ledger atomically, and report the progress."""
+        """Record a step that has been run, write the ledger atomically, and report the progress.
+
+        Args:
+            step: The step.
+            seconds: Time that it took [s].
+            workers: Number of steps that run at the same time.
+        """
         from hydro.io.files import write_bytes
 
         self._ledger[step.name] = self._state(step) | {"seconds": f"{seconds:.1f}"}
@@ -222,7 +240,7 @@ runpy.run_module("hydro.cli", run_name="__main__", alter_sys=True)
 
 
 def captured(step: Step) -> tuple[int, str, str]:
-    """Run a step in its own process; return its exit code, stdout and stderr.
+    """Run a step in its own process; return a tuple of its exit code, stdout and stderr.
 
     On Linux, the step is killed when the calling process ends.  A surviving step would write to its folder
     while another process repeats the same step.

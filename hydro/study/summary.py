@@ -46,13 +46,16 @@ def conditioned(kind: str) -> Path:
 def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict[str, pl.DataFrame]:
     """Write metrics tables of the given networks into the folder of a study, and return them by name.
 
-    `evaluation`, `errors` and `minutes` have means over seeds, with the smallest and the largest value.
-    `conditioning` has errors of the first seed, and `ranking` Kendall's tau of the two errors.
-
     Args:
         runs: Networks whose errors are complete.
         folder: Folder of the study.
         made: Files that this study has written; shared tables of an earlier study are not used.
+
+    Returns:
+        Always `evaluation`, errors of the predicted wrench, and `errors`, those of the replay: means over
+        seeds, with the smallest and the largest value as `low` and `high`.  Where there are data, `minutes`,
+        the same by length of the training data; `conditioning`, replay errors of the first seed under each
+        kind of conditioning; and `ranking`, Kendall's tau of the rankings of the models by the two errors.
     """
     import polars as pl
 

@@ -102,6 +102,12 @@ def dives_of(
 
     Names are those of sessions, and of files without their suffix; files of the same name keep their folders.
 
+    Args:
+        sources: Paths of raw tables, logs, and folders of sessions.
+        map_: Map of the logs; None for tables.
+        definitions: Folder with `.msg` files, or None.
+        vehicle: Vehicle file with which imported logs are checked.
+
     Raises:
         DataError: Two dives have the same name.
     """
@@ -130,7 +136,7 @@ def _quiet(line: str) -> None:
 
 
 def keys(dives: Sequence[Dive], baseline: Iterable[str], text: str) -> dict[str, str]:
-    """Return the key of each dive's estimates: a hash of everything that determines them.
+    """Return a dict from each dive's name to the key of its estimates, a hash of all that determines them.
 
     Args:
         dives: The dives.
@@ -154,7 +160,7 @@ def estimates(
     engine: Engine,
     progress: Callable[[str, int, int], None],
 ) -> Iterator[Estimated]:
-    """Yield the estimates of all dives in their order; those of an earlier run are read.
+    """Yield the estimates of all dives in their order; estimates that an earlier run stored are read.
 
     Args:
         dives: The dives.
@@ -192,7 +198,9 @@ def place(folder: Path, dive: str) -> Path:
 
 
 def estimate_dive(dive: Dive, baseline: Baseline, text: str, folder: Path, key: str) -> Estimated:
-    """Estimate one dive and write its estimates; an error of the dive becomes part of the result.
+    """Estimate one dive, write its estimates into the folder, and return them.
+
+    An error of the dive becomes part of the result instead of being raised.
 
     Args:
         dive: The dive.

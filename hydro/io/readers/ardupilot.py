@@ -115,7 +115,10 @@ def _instance(message: Any) -> Any:
 
 @contextlib.contextmanager
 def quiet(said: io.StringIO) -> Iterator[None]:
-    """Capture a few lines of the library's output, and keep it off the terminal."""
+    """Write the library's output during a `with` block to `said`, instead of the terminal.
+
+    Of a long output only a part is kept.
+    """
     if said.tell() > 1 << 16:
         said.seek(1 << 15)
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

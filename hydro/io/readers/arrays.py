@@ -83,10 +83,16 @@ def _count_elements(path: Path, expansion: Expansion) -> None:
 def table(
     named: Mapping[str, Any], selection: Selection, options: Options, expansion: Expansion
 ) -> pl.DataFrame:
-    """Return arrays as the columns of a table.
+    """Return named arrays as the columns of a table.
 
     Arrays of several lengths, each with an array of times, get their own rows, sorted by time.  Otherwise the
     arrays of the most frequent length are used; of equally frequent lengths, the longest.
+
+    Args:
+        named: Arrays, and mappings of arrays, by name.
+        selection: Wanted columns.
+        options: Name of the file for errors; receives a note on arrays that are left out.
+        expansion: Count of the file's expanded bytes, with its limit.
 
     Raises:
         DataError: There is no array of numbers, the wanted arrays have different lengths, or they exceed the

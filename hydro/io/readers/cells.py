@@ -14,7 +14,7 @@ _MAX_NAMES = 6
 
 
 def with_points(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
-    """Replace decimal commas by points, in columns without decimal points.
+    """Return a table of texts with decimal commas replaced by points, in columns without decimal points.
 
     This is only for tables whose separator is not a comma: there a comma in a number is a decimal comma.
 
@@ -37,7 +37,7 @@ def with_points(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
 
 
 def without_units(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
-    """Remove the unit after numbers, in columns whose cells have the same unit or none.
+    """Return a table of texts without the units after numbers, in columns with one unit or none per cell.
 
     Args:
         frame: Columns of text.

@@ -21,7 +21,11 @@ _HEAD = 55
 
 
 def by_chunk(expansion: Expansion) -> type[Any]:
-    """Return the library's reader of ROS 1 bags, changed to one chunk at a time and a limit on bytes."""
+    """Return a subclass of `rosbags.rosbag1.Reader` that reads one chunk at a time, with a limit on bytes.
+
+    Args:
+        expansion: Count of the file's decompressed bytes, with its limit.
+    """
     from rosbags.rosbag1 import Reader
     from rosbags.rosbag1.reader import Header, IndexData
 

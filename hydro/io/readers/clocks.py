@@ -64,7 +64,7 @@ class OneClock(NamedTuple):
 
 
 def one_clock(topics: Sequence[Stamps]) -> OneClock:
-    """Convert the times of all topics to the logger's clock.
+    """Return the times of the messages of all topics on the logger's clock, with notes on corrections.
 
     Args:
         topics: Stamps and times of receipt of each topic.

@@ -68,7 +68,11 @@ class Listed:
 
 
 def inventory(stream: Iterable[Item]) -> list[Listed]:
-    """List the topics of a log, in order of appearance, without keeping a message."""
+    """Return a summary of each topic of a log, in order of appearance, without keeping a message.
+
+    Args:
+        stream: Messages of the log.
+    """
     found: dict[Topic, Listed] = {}
     for topic, received, raw in stream:
         entry = found.get(topic)
@@ -163,6 +167,6 @@ class _Receipt:
 
 
 def unfit(error: Exception) -> str:
-    """Return the reason, in words, why a topic is not read: its messages do not fit their declared type."""
+    """Return a sentence on why a topic is not read: its messages do not fit their declared type."""
     reason = shown((str(error) or type(error).__name__).splitlines()[0][:120])
     return f"its messages do not fit the definition of their type ({reason}): give another with --msg DIR"

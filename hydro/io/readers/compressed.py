@@ -19,9 +19,13 @@ _STEP = 1 << 20
 
 
 def unzstd(raw: bytes, expansion: Expansion) -> bytes:
-    """Decompress a zstd frame.
+    """Return the decompressed content of a zstd frame.
 
     If the frame states its size, the library enforces that size.
+
+    Args:
+        raw: The frame.
+        expansion: Count of the file's expanded bytes, with its limit.
 
     Raises:
         DataError: The data expand beyond the limit.
@@ -45,7 +49,7 @@ def unzstd(raw: bytes, expansion: Expansion) -> bytes:
 
 
 def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
-    """Decompress a chunk of a bag.
+    """Return the decompressed content of a chunk of a bag.
 
     Args:
         raw: The chunk.
@@ -72,7 +76,12 @@ def unpacked(raw: bytes, form: str, stated: int, expansion: Expansion) -> bytes:
 
 
 def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
-    """Decompress a file into another.
+    """Decompress the file `path` into the file `target`.
+
+    Args:
+        path: Compressed file.
+        target: File to write.
+        expansion: Count of the expanded bytes, with its limit.
 
     Raises:
         DataError: The data expand beyond the limit.

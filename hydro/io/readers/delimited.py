@@ -41,7 +41,11 @@ def csv(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
-    """Parse text as a table; repairs are noted in `options`.
+    """Return the table in a text, with all columns as text; repairs are noted in `options`.
+
+    Args:
+        content: Text of the file.
+        options: Name of the file for errors; receives the notes.
 
     Raises:
         DataError: The text is not a table, names a column twice, or expands to too many cells.

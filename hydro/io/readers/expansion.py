@@ -73,7 +73,7 @@ class Expansion:
         return cls(name, sum(each.stat().st_size for each in files if each.is_file()))
 
     def add(self, count: float) -> None:
-        """Count bytes before the file is expanded to them.
+        """Add `count` bytes to the total, before the file is expanded to them.
 
         Raises:
             DataError: The total exceeds the limit.

@@ -25,7 +25,7 @@ _TOKEN = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 @dataclass(frozen=True)
 class Selection:
-    """Wanted columns of a log; `columns` None means all."""
+    """Wanted columns of a log, `topic.field` each; `columns` None means all."""
 
     columns: frozenset[str] | None = None
 
@@ -41,7 +41,7 @@ class Selection:
         return self.columns is None or any(name.startswith(f"{topic}.") for name in self.columns)
 
     def takes_type(self, name: str) -> bool:
-        """Return whether a message type is wanted, by its name or as one of several instances."""
+        """Return whether a message type is wanted, by its own name or as an instance such as `name[1]`."""
         return self.takes(name) or any(each.startswith(f"{name}[") for each in self.columns or ())
 
 
@@ -90,7 +90,7 @@ Stream = Callable[[Path, Selection, Options], Iterator[Item]]
 
 
 def number(value: Any) -> float | None:
-    """Return a value as a number: a ROS time in seconds, None for other types."""
+    """Return a value as a float, a ROS time in seconds; None for a value of another type."""
     if isinstance(value, int | float | np.number | np.bool_):
         return float(value)
     seconds, rest = getattr(value, "sec", None), getattr(value, "nanosec", None)
@@ -98,7 +98,13 @@ def number(value: Any) -> float | None:
 
 
 def leaves(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, float | None]]:
-    """Yield the path of every field in a message with its value as a number; None for text and the like."""
+    """Yield every field in a message as a pair of its path and its number, None for text and the like.
+
+    Args:
+        value: Message, or a part of one.
+        path: Path of that part in the message.
+        depth: Number of levels above that part.
+    """
     if (found := number(value)) is not None:
         yield path, found
     elif depth > DEEPEST or value is None or isinstance(value, str | bytes):
@@ -126,7 +132,7 @@ def fields(message: Any) -> Sequence[str]:
 
 
 def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]:
-    """Return a function that extracts the values at given paths from messages of one type.
+    """Return a function that takes a message of one type and returns its values at the given paths.
 
     Args:
         paths: Paths within a message, such as `pose.position.x` or `channels[3]`.

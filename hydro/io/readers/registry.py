@@ -135,7 +135,13 @@ def _reader(name: str) -> Reader:
 
 
 def read(path: Path, reader: Reader, selection: Selection, options: Options) -> pl.DataFrame | Tables:
-    """Return a table, or the wanted columns of a log of messages; wanting all needs a second pass.
+    """Return the columns of a log: those of a table in one frame, or the wanted ones of messages by topic.
+
+    Args:
+        path: Path of the file or folder.
+        reader: Reader of its format.
+        selection: Wanted columns of a log of messages; wanting all needs a second pass over the file.
+        options: Options; the reader appends its notes.
 
     Raises:
         DataError: The file is damaged, or its library is not installed.
@@ -154,7 +160,7 @@ def read(path: Path, reader: Reader, selection: Selection, options: Options) -> 
 
 
 def topics(path: Path, reader: Reader, options: Options) -> list[Listed]:
-    """Return the topics of a log of messages, in one pass without keeping messages.
+    """Return a summary of each topic of a log of messages, in one pass without keeping messages.
 
     Raises:
         DataError: The file is damaged, or its library is not installed.

@@ -51,7 +51,13 @@ class Definitions:
         self._described.update(types)
 
     def add(self, kind: str, text: str, form: str) -> None:
-        """Add the definition of a type from a log; `form` is `msg` or `idl`."""
+        """Add the definition of a message type from a log; an invalid one is remembered as broken.
+
+        Args:
+            kind: Name of the type.
+            text: Definition.
+            form: Language of the definition, `msg` or `idl`.
+        """
         from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
         try:
@@ -66,7 +72,14 @@ class Definitions:
             self._broken[kind] = str(error).partition("\n")[0]
 
     def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
-        """Return the decoder of a message type, or None and the reason why it cannot be decoded."""
+        """Return the decoder of a message type, and the reason why there is none.
+
+        Args:
+            kind: Name of the type.
+
+        Returns:
+            Function from the bytes of a message to the message, and an empty text; or None and the reason.
+        """
         undescribed = self._ros == 2 and kind not in self._described
         if undescribed and (kind in BUILT_IN or kind in self._types):
             return Versions(self._versions(kind)), ""
@@ -186,7 +199,15 @@ def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
 def messages_of(
     reader: Any, known: Definitions, selection: Selection, options: Options, expansion: Expansion
 ) -> Iterator[Item]:
-    """Yield the wanted messages of an open reader."""
+    """Yield the wanted messages of an open reader, each with its topic and time of receipt [s].
+
+    Args:
+        reader: Open reader of `rosbags`.
+        known: Message types, to which those of the log are added.
+        selection: Wanted topics and fields.
+        options: Options; its progress is called.
+        expansion: Count of the file's expanded bytes, with its limit.
+    """
     for each in reader.connections:
         if each.msgdef.data:
             known.add(each.msgtype, each.msgdef.data, each.msgdef.format.name.lower())
@@ -202,7 +223,14 @@ def messages_of(
 
 
 def topic(name: str, kind: str, known: Definitions, expansion: Expansion) -> Topic:
-    """Return a topic of ROS messages, readable if all its types are known."""
+    """Return a topic of ROS messages; its `decode` is None if one of its types is not known.
+
+    Args:
+        name: Name of the topic.
+        kind: Name of the message type.
+        known: Message types.
+        expansion: Count of the file's expanded bytes, with its limit.
+    """
     decode, why = known.decoder(kind)
     decode = decode and partial(_decode_plain, decode, expansion)
     return Topic(name, kind, decode, known.stamp(kind), unread=why)

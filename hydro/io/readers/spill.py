@@ -28,7 +28,7 @@ class Spill:
         weakref.finalize(self, self._file.close)
 
     def put(self, block: Sequence[array[float]]) -> int:
-        """Write columns one after another; return the index of the first number of the first column.
+        """Append columns of numbers to the file, one after another; return the index of the first number.
 
         Raises:
             DataError: The disk is full.

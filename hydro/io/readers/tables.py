@@ -88,7 +88,7 @@ class Buffer:
 
     @property
     def columns(self) -> dict[str, int]:
-        """Index of each column that has at least one number, by the column's name."""
+        """Index of each column that has at least one number, as a dict by the column's name `topic.field`."""
         held = ((place, path) for place, path in enumerate(self.paths) if self._there[place])
         return {f"{self.topic.name}.{path}": place for place, path in held}
 
@@ -202,7 +202,7 @@ class Tables:
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
 
     def travel(self) -> dict[str, float]:
-        """Return the mean time from stamp to receipt of each topic [s]; 0 without stamps."""
+        """Return the mean time from stamp to receipt of messages [s] by topic; 0 without stamps."""
         return {
             each.topic.name: _mean_travel(each.received, t)
             for each, t in zip(self._buffers, self._times, strict=True)
@@ -216,7 +216,7 @@ class Tables:
         return Table(self._buffers, self._times).wide()
 
     def together(self, wanted: Sequence[Sequence[str]]) -> Iterator[tuple[Table, list[str]]]:
-        """Yield tables and their columns so that the columns of each group are in one table.
+        """Yield tables, each with the names of its columns, so that every group of columns is in one table.
 
         Topics that no group links stay in separate tables.
 

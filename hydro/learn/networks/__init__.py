@@ -93,7 +93,11 @@ def architecture(name: str) -> dict[str, Any]:
 
 
 def inputs(architecture: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of a network's inputs: its features, then past velocities, if any."""
+    """Return the names of a network's inputs, in order: its features, then past velocities, if any.
+
+    Args:
+        architecture: Description of the network, as `architecture` returns it.
+    """
     return names(architecture["features"]) + history.names(architecture.get("window", 1))
 
 

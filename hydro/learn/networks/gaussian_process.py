@@ -53,7 +53,7 @@ class GaussianProcess(Residual):
         self.register_buffer("mirrors", torch.from_numpy(MIRRORS), persistent=False)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Return the standardised wrench of `forward`, from standardised features."""
+        """Map standardised features (N, 12) to the wrench (N, 6), standardised as well."""
         wrench = self.forward(self.input_mean + self.input_scale * inputs)
         return (wrench - self.output_mean) / self.output_scale
 

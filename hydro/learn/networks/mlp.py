@@ -23,7 +23,7 @@ class MLP(Residual):
         self.layers = chain(layers)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Apply affine maps and the activation in turn."""
+        """Map standardised features (N, k) to the standardised wrench (N, 6), layer by layer."""
         *hidden_layers, last = self.layers
         hidden = inputs
         for layer in hidden_layers:

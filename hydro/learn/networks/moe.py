@@ -46,7 +46,7 @@ class MixtureOfExperts(Residual):
         self.count = experts
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Evaluate every expert, and return the weighted mean."""
+        """Map standardised features (N, k) to the standardised wrench (N, 6), a weighted mean of experts."""
         *hidden_layers, last = self.experts
         x = inputs.unsqueeze(0).expand(self.count, -1, -1)
         for layer in hidden_layers:

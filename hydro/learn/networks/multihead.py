@@ -27,7 +27,7 @@ class MultiHead(Residual):
         self.out_bias = nn.Parameter(torch.empty(AXES).uniform_(-reach, reach))
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Evaluate the trunk, then all heads at once."""
+        """Map standardised features (N, k) to the standardised wrench (N, 6), with a head per axis."""
         x = inputs
         for layer in (*self.trunk, self.hidden):
             x = self.activation(layer(x))

@@ -39,9 +39,11 @@ class Residual(nn.Module):
             self.register_buffer(f"{side}_scale", torch.ones(length), persistent=False)
 
     def standardise(self, scalers: Mapping[str, np.ndarray]) -> None:
-        """Set means and scales of the k inputs, (k,) each, and of the wrench (6,), from a dict by name.
+        """Store the means and scales by which inputs and wrench are standardised from now on.
 
-        The names are `input_mean`, `input_scale`, `output_mean` and `output_scale`.
+        Args:
+            scalers: Arrays by name: `input_mean` and `input_scale` of the k inputs, (k,), and `output_mean`
+                and `output_scale` of the wrench, (6,).
         """
         for name in SCALERS:
             self.get_buffer(name).copy_(torch.from_numpy(np.asarray(scalers[name], dtype=np.float32)))
@@ -68,7 +70,10 @@ def function(name: str) -> Callable[[Tensor], Tensor]:
 
 
 def chain(widths: Sequence[int]) -> nn.ModuleList:
-    """Return consecutive affine maps, from widths[0] to widths[-1] numbers.
+    """Return consecutive affine maps, the k-th from widths[k] to widths[k + 1] numbers.
+
+    Args:
+        widths: Number of inputs, widths of the hidden layers, and number of outputs.
 
     Raises:
         ValueError: If there are fewer than two widths.

@@ -43,7 +43,7 @@ class ResMLP(Residual):
         self.out = nn.Linear(width, AXES)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Project the input, apply the blocks, and compute the wrench."""
+        """Map standardised features (N, k) to the standardised wrench (N, 6), through all blocks."""
         x = self.project(inputs)
         for block in self.blocks:
             x = block(x)

@@ -52,7 +52,7 @@ class Structured(Residual):
             last.copy_(0.5 * torch.eye(AXES).flatten())
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Return the standardised wrench of `forward`, from standardised features."""
+        """Map standardised features (N, 12) to the wrench (N, 6), standardised as well."""
         return (self.wrench(inputs) - self.output_mean) / self.output_scale
 
     def forward(self, features: Tensor) -> Tensor:

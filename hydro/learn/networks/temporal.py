@@ -15,7 +15,7 @@ from hydro.learn.networks.mlp import MLP
 
 
 class Temporal(MLP):
-    """MLP on the features and past velocities, newest first (`distillation.history`).
+    """Multilayer perceptron on the features and on past velocities, which follow the features, newest first.
 
     Attributes:
         window: number of velocities, including the present one.

@@ -21,7 +21,7 @@ YAW = 5
 
 
 def crew_of(vehicle: Vehicle) -> Mixing:
-    """Return the allocation matrices that turn a demanded wrench into commands of a vehicle's thrusters.
+    """Return the allocation that turns a demanded wrench into commands of a vehicle's thrusters.
 
     On axes without thrust, servos of fins take the demand.
 
@@ -50,7 +50,7 @@ def _thrusters_of(vehicle: Vehicle) -> Mixing:
 def command_kernel(
     allocation: Array, table: Array, authority: Array, actions: Array, tau: Array, commands: Array
 ) -> bool:
-    """Compute the thruster commands of all N vehicles of a fleet; see `allocate`.
+    """Write the thruster commands of all N vehicles of a fleet, as `allocate` does for one vehicle.
 
     Args:
         allocation: Pseudo-inverse (n, 6) of the matrix that maps the thrusts of n thrusters to a wrench.
@@ -73,13 +73,19 @@ def command_kernel(
 def allocate(
     allocation: Array, table: Array, authority: Array, action: Array, tau: Array, commands: Array
 ) -> bool:
-    """Compute the thruster commands of one vehicle; return whether all entries of its action are finite.
-
-    The arguments are those of `command_kernel`, with one action (6,) and commands (n,).
+    """Write the thruster commands of one vehicle; return whether all entries of its action are finite.
 
     If a thruster saturates, the whole wrench is scaled down, so that its direction stays the same.  The
     inverse thrust curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in
     the vehicle file.
+
+    Args:
+        allocation: Pseudo-inverse (n, 6) of the matrix that maps the thrusts of n thrusters to a wrench.
+        table: Table of `core.vehicle.thrusters`, one row per thruster (n, columns).
+        authority: Greatest wrench on each axis alone (6,) [N, N m]; 0 on an axis without authority.
+        action: Action (6,), clipped to [-1, 1] in place.
+        tau: Working memory (6,); its content afterwards has no meaning.
+        commands: Thruster commands (n,), written; invalid if the action is not finite.
     """
     for j in range(ACTIONS):
         if not math.isfinite(action[j]):

@@ -38,7 +38,7 @@ class Condition:
     Attributes:
         name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB.
             `R_0+M_A`: as with a residual model, with the same added mass and conditioning, but the model's
-            output is zero.  This is the paper's R_0 if only the network differs between conditions.
+            output is zero.  This is R_0 of Wu et al. if only the network differs between conditions.
             `R_MLP`, `R_PhysFeat` or `R_structured`: a residual model.
             `R_effects`: all effects of the vehicle file.
             `R_identified`: the same, for a file that was identified from data.
@@ -69,7 +69,7 @@ class Condition:
 
 
 def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file: str = "") -> Water:
-    """Build the water forces of a vehicle under a condition.
+    """Return the water forces of a vehicle under a condition.
 
     Args:
         condition: The condition.
@@ -78,8 +78,7 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
         file: Hash of the vehicle file; by default the hash of `vehicle`.
 
     Raises:
-        DataError: The residual model cannot be combined with the effects of the file; see
-            `sim.residual.beside`.
+        DataError: The residual model cannot be combined with the effects of the file.
     """
     model = zero_model() if condition.name == ZERO else condition.model
     if model is None:
@@ -129,10 +128,10 @@ def zero_model() -> Model:
 
 
 def waters(condition: Condition, vehicle: Vehicle, period: float) -> Callable[[Vehicle], Water]:
-    """Return a function that takes a changed copy of a vehicle and builds its water forces; see `water`.
+    """Return a function that takes a changed copy of a vehicle and returns its water forces.
 
     Args:
-        condition: The condition.
+        condition: The condition, which selects the water forces.
         vehicle: The vehicle of the file; its hash identifies the file for all copies.
         period: Control step [s].
     """

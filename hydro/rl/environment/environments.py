@@ -152,13 +152,18 @@ def _file(vehicle: str | Path) -> Path:
 
 
 def single_spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
-    """Return the spaces of the observations (O,), in SI units, and of the actions (6,) of one vehicle."""
+    """Return the Gymnasium spaces of one vehicle: of observations (O,), in SI units, and of actions (6,)."""
     low, high = bounds(settings)
     return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 def encoded_space(space: spaces.Box, code: Encoding) -> spaces.Box:
-    """Return the space of the observations of `space` after their encoding with `code`."""
+    """Return the Gymnasium space of observations after their encoding.
+
+    Args:
+        space: Space of the observations before.
+        code: Encoding.
+    """
     ends = np.sort([code(space.low.copy()), code(space.high.copy())], axis=0)
     return spaces.Box(*ends, dtype=np.float32)
 
@@ -192,7 +197,11 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episode; if a seed is given, begin the first episode that belongs to the seed."""
+        """Begin the next episode; if a seed is given, begin the first episode that belongs to the seed.
+
+        Returns:
+            Observation (O,), and an empty dict.
+        """
         super().reset(seed=seed)
         restart = seed is not None or not self._begun
         self._begun = True
@@ -200,6 +209,12 @@ class Single(gymnasium.Env):  # type: ignore[misc]
 
     def step(self, action: ArrayLike) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
         """Simulate one control step.
+
+        Args:
+            action: Demanded wrench (6,), as shares of the greatest on each axis, clipped to [-1, 1].
+
+        Returns:
+            Observation (O,), reward, whether the episode terminated, whether it was truncated, and `info`.
 
         Raises:
             ResetNeeded: `reset` was not called before.
@@ -217,7 +232,9 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the vehicle in its tank from behind and above (height, width, 3); None without `render_mode`.
+        """Return a picture of the vehicle in its tank from behind and above, (height, width, 3), RGB.
+
+        None without `render_mode`.
 
         Raises:
             UsageError: Rendering is not available.
@@ -318,9 +335,15 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def step(
         self, actions: ArrayLike
     ) -> tuple[Array32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Simulate one control step.
+        """Simulate one control step of all vehicles.
 
-        In SAME_STEP mode `info` has the `final_obs` and `final_info` of the episodes that ended.
+        Args:
+            actions: Demanded wrenches (N, 6), as shares of the greatest on each axis, clipped to [-1, 1].
+
+        Returns:
+            Observations (N, O), rewards (N,), masks of terminated and of truncated episodes (N,), and
+            `info`.  In SAME_STEP mode `info` also has the `final_obs` and `final_info` of the episodes that
+            ended.
 
         Raises:
             ResetNeeded: `reset` was not called before.

@@ -323,7 +323,7 @@ class Fleet:
         return np.where(held, np.sqrt(mean), 0.0)
 
     def state(self) -> State:
-        """Return the complete state as arrays; see `restore`."""
+        """Return the complete state as a copy in arrays by name, for `restore`."""
         parts = {f"fleet/{name}": np.array(getattr(self, name)) for name in _STATE}
         parts["fleet/task"] = np.frombuffer(self.task.name.encode(), dtype=np.uint8).copy()
         for name, history in (("seen", self._seen), ("demands", self._demands)):

@@ -72,7 +72,7 @@ class Guidance:
             positions: (N, 3), NED [m].
 
         Returns:
-            Smoothed points ahead (N, 3), NED [m], and weighted cross-track costs (N,) (eq. 9 of the paper).
+            Smoothed points ahead (N, 3), NED [m], and weighted cross-track costs (N,) (eq. 9 of Wu et al.).
             Rows outside the mask have no meaning.
         """
         cost = np.zeros(len(positions))
@@ -81,7 +81,7 @@ class Guidance:
         return self._ahead.copy(), self._weight * cost
 
     def state(self) -> State:
-        """Return the complete state."""
+        """Return the complete state as arrays by name, for `restore`."""
         return {"ways": self.ways.copy(), "along": self._along.copy(), "ahead": self._ahead.copy()}
 
     def restore(self, state: State) -> None:
@@ -128,7 +128,7 @@ def follow_kernel(
 
 @jit
 def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float, float]:
-    """Find the point of a path nearest to a position, within a range of arc lengths.
+    """Return the point of a path nearest to a position, within a range of arc lengths.
 
     Args:
         way: Corners of the path (K, 3), NED [m].

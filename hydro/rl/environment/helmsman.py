@@ -42,7 +42,7 @@ PLAIN = Manner()  # baseline pilot
 
 
 def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
-    """Compute actions of a proportional controller: level, bow towards the target, slower near the target.
+    """Return actions of a proportional controller: level, bow towards the target, slower near the target.
 
     The controller flies to the target of the observation: the goal, or a point ahead on a planned path.  It
     knows neither the vehicle nor the pillars.
@@ -52,7 +52,7 @@ def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
         manner: Tuning of the pilot.
 
     Returns:
-        Actions (N, 6); the fleet clips them.
+        Actions (N, 6), shares of the greatest wrench on each axis; the fleet clips them to [-1, 1].
     """
     way = seen[:, TARGET : TARGET + 3]
     near = np.linalg.norm(way, axis=1) < BLIND
@@ -60,7 +60,12 @@ def helmsman(seen: Array32, manner: Manner = PLAIN) -> Array32:
 
 
 def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
-    """Compute the actions (N, 6) of `helmsman`, but with the bow to the north, as docking requires."""
+    """Return the actions (N, 6) of `helmsman`, but with the bow to the north, as docking requires.
+
+    Args:
+        seen: Observations (N, 36) of `rl.environment.observation`.
+        manner: Tuning of the pilot.
+    """
     w, x, y, z = seen[:, QUATERNION : QUATERNION + 4].T
     return _steer(seen, -np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)), manner)
 

@@ -33,7 +33,7 @@ class Guidance(Protocol):
         """
 
     def state(self) -> State:
-        """Return the complete state."""
+        """Return the complete state as arrays by name, for `restore`."""
 
     def restore(self, state: State) -> None:
         """Restore a state, bit for bit."""

@@ -48,7 +48,7 @@ ENCODING = Encoding(
 
 
 def encoding(settings: Settings) -> Encoding:
-    """Return the encoding of stacked observations (O,); O is 36 times `Settings.history`."""
+    """Return the encoding of stacked observations (O,) as network input; O is 36 times `Settings.history`."""
     times = settings.history
     return Encoding(np.tile(ENCODING.scale, times), np.tile(ENCODING.fades, times))
 
@@ -85,7 +85,7 @@ def _limits(settings: Settings) -> tuple[Array32, Array32]:
 
 
 def senses(settings: Settings, vehicle: Vehicle) -> Senses:
-    """Build the sensors of a vehicle under the settings, as the kernels take them."""
+    """Return the sensors of a vehicle under the settings, as the kernels take them."""
     return Senses(
         np.stack(_limits(settings)),
         beams(settings.sonar, vehicle.hull),
@@ -100,7 +100,7 @@ def senses(settings: Settings, vehicle: Vehicle) -> Senses:
 def observe_kernel(
     senses: Senses, motion: Motion, scenes: Scenes, k: int, noise: Array, out: Array32
 ) -> float:
-    """Compute the observation of vehicle `k`; return its shortest sonar range without noise [m].
+    """Write the observation of vehicle `k`; return its shortest sonar range without noise [m].
 
     Args:
         senses: Sensors.

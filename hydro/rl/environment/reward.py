@@ -36,7 +36,7 @@ SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]
 
 @functools.lru_cache(maxsize=64)
 def weights(reward: Reward) -> Array:
-    """Return the weights as a read-only array (WEIGHTS,), at the indices SHAPING to HASTE."""
+    """Return the weights as a read-only array (WEIGHTS,) of numbers, at the indices SHAPING to HASTE."""
     array = np.array(dataclasses.astuple(reward), dtype=np.float64)
     array.flags.writeable = False
     return array
@@ -109,7 +109,7 @@ def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
 
 @kernel
 def cross_track_cost(error: float) -> float:
-    """Return the cost of a distance e [m] from the path: e^2 below 1 m, 2 |e| - 1 beyond (paper eq. 9)."""
+    """Return the cost of a distance e [m] from the path: e^2 below 1 m, 2 |e| - 1 beyond (Wu et al., 9)."""
     size = abs(error)
     return size * size if size < 1.0 else 2.0 * size - 1.0
 

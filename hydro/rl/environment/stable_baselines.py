@@ -72,7 +72,12 @@ class StableBaselinesEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[Array32, Array32, Mask, list[dict[str, Any]]]:
-        """Simulate one control step; return observations, rewards, ends of episodes, and infos."""
+        """Simulate one control step of all vehicles.
+
+        Returns:
+            Observations (N, O), of the new episode where one ended; rewards (N,); a mask of the episodes that
+            ended (N,); and a dict for each vehicle, empty unless its episode ended.
+        """
         step = self.fleet.step(self._actions)
         done = step.terminated | step.truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -91,7 +96,12 @@ class StableBaselinesEnv(VecEnv):
         """Do nothing: a fleet holds no resources."""
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        """Return an attribute of the environment, once for each index."""
+        """Return a list with the same attribute of the environment for each index.
+
+        Args:
+            attr_name: Name of the attribute.
+            indices: Indices of vehicles; None for all.
+        """
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
@@ -101,7 +111,14 @@ class StableBaselinesEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the environment once; return its result once for each index."""
+        """Call a method of the environment once; return a list with its result for each index.
+
+        Args:
+            method_name: Name of the method.
+            method_args: Its positional arguments.
+            indices: Indices of vehicles; None for all.
+            method_kwargs: Its keyword arguments.
+        """
         found = getattr(self, method_name)(*method_args, **method_kwargs)
         return [found for _ in self._get_indices(indices)]
 
@@ -110,7 +127,7 @@ class StableBaselinesEnv(VecEnv):
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Return no image: vehicles of a fleet are not drawn."""
+        """Return None for each vehicle: vehicles of a fleet are not drawn."""
         return [None for _ in range(self.num_envs)]
 
 

@@ -57,7 +57,13 @@ POWER = 1.5  # exponent of an ideal propeller's power as a function of its thrus
 
 
 def make_rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
-    """Build the constants that decide collisions, excess speed and energy; `table` has a row per thruster."""
+    """Return the constants that decide collisions, excess speed and energy.
+
+    Args:
+        settings: Settings of the environment.
+        vehicle: Vehicle, for its hull.
+        table: Thruster table, with a row per thruster (n, columns).
+    """
     limits = np.array([settings.overspeed, settings.period])
     return Rules(hull_numbers(vehicle.hull), tank(settings.world), table, limits)
 
@@ -86,9 +92,16 @@ def sense_kernel(
 def sense(
     k: int, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
-    """Compute the observation of vehicle `k`.
+    """Write the observation of vehicle `k`.
 
-    The arguments are those of `sense_kernel`, with the noise (36,) of this vehicle alone.
+    Args:
+        k: Index of the vehicle.
+        senses: Sensors.
+        motion: Motion of all vehicles; the rotation of row `k` is written.
+        scenes: Tasks of all vehicles.
+        noise: Standard normal numbers (36,) of this vehicle; overwritten.
+        nearest: Shortest sonar range without noise (N,) [m]; entry `k` is written.
+        out: Observations (N, 36); row `k` is written.
     """
     for i in range(senses.sigma.size):
         noise[i] *= senses.sigma[i]
@@ -123,7 +136,7 @@ def distance(goal: Array, pose: Array) -> float:
 def step_kernel(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, actions: Array, outcome: Outcome
 ) -> None:
-    """Compute rewards, ends of episodes and totals of all vehicles; `episodes` and `outcome` are written.
+    """Write rewards and flags of all vehicles, and update the totals of their episodes.
 
     Args:
         rules: Constants that decide collisions, excess speed and energy.
@@ -131,7 +144,7 @@ def step_kernel(
         scenes: Tasks.
         episodes: State of the episodes before the step; updated.
         actions: Actions of this step (N, 6).
-        outcome: Rewards and flags of this step.
+        outcome: Rewards and flags of this step, written.
     """
     for k in range(actions.shape[0]):
         score(k, rules, motion, scenes, episodes, actions[k], outcome)
@@ -141,9 +154,16 @@ def step_kernel(
 def score(
     k: int, rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, action: Array, outcome: Outcome
 ) -> None:
-    """Compute reward, flags and totals of vehicle `k`.
+    """Write reward and flags of vehicle `k`, and update the totals of its episode.
 
-    The arguments are those of `step_kernel`, with the action (6,) of this vehicle alone.
+    Args:
+        k: Index of the vehicle.
+        rules: Constants that decide collisions, excess speed and energy.
+        motion: Motion of all vehicles after the step.
+        scenes: Tasks of all vehicles.
+        episodes: State of all episodes; row `k` is updated.
+        action: Action of this step (6,) of this vehicle.
+        outcome: Rewards and flags of all vehicles; those of vehicle `k` are written.
     """
     w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
     away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])
@@ -226,7 +246,9 @@ def within_limits(ends: Array, pose: Array, velocity: Array, away: float) -> boo
 
 @kernel
 def root_mean_square(totals: Array, ends: Array) -> float:
-    """Return the root mean square distance from the goal since the settling time [m]; before, infinity.
+    """Return the root mean square distance from the goal since the settling time [m].
+
+    It is infinite before the settling time, and in tasks that arrive.
 
     Args:
         totals: Totals of the episode (TOTALS,), in the order of `rl.environment.blocks`.

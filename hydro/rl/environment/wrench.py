@@ -18,7 +18,7 @@ class WrenchSettings:
 
     Attributes:
         lead: Time by which the network is evaluated ahead, as a share of the control step.  Half a step
-            centres the held wrench in the interval in which it acts; the paper states no lead, that is 0.
+            centres the held wrench in the interval in which it acts; Wu et al. state no lead, that is 0.
         ratio: q dt^3 / R of the filter that estimates the body acceleration nu_dot, with the jerk density q,
             the sample time dt and the noise variance R.  Above 1 the filter follows every sample.
         beta: Weight of the old value in the low-pass, 0 for no low-pass; None for the preset's weight.

@@ -159,7 +159,11 @@ class GpuFleet:
         return torch.zeros(shape, dtype=torch.float64, device=self.device)
 
     def reset(self, mask: Tensor | None = None) -> Tensor:
-        """Begin the next episode of the vehicles of a mask (N,) or of all; return observations (N, 36)."""
+        """Begin the next episode of the vehicles of a mask (N,), or of all vehicles if it is None.
+
+        Returns:
+            The attribute `observations` of all vehicles (N, 36), rewritten in place.
+        """
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
         self._launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
@@ -168,13 +172,13 @@ class GpuFleet:
         return self.observations
 
     def step(self, actions: Tensor) -> Tensor:
-        """Simulate one control step; `reward` and `flags` hold its outcome.
+        """Simulate one control step; the attributes `reward` and `flags` then hold its outcome.
 
         Args:
             actions: Actions (N, 6), clipped to [-1, 1]; a vehicle with an action that is not finite diverges.
 
         Returns:
-            Observations of all vehicles (N, 36).
+            The attribute `observations` of all vehicles (N, 36), rewritten in place.
         """
         kernels = self._kernels
         self._demands.copy_(actions)

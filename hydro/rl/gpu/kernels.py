@@ -78,7 +78,14 @@ class View(NamedTuple):
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> None:
-    """Copy the scene of the next episode to each vehicle that begins."""
+    """Copy the scene of the next episode from the pool to each vehicle that begins an episode.
+
+    Args:
+        pool: Scenes.
+        starts: Vehicles that begin; their poses are written.
+        scenes: Tasks of all vehicles, written.
+        episodes: State of all episodes, written.
+    """
     k = cuda.grid(1)
     if k >= starts.mask.size or not starts.mask[k]:
         return
@@ -98,7 +105,10 @@ def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> Non
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def command(crew: Allocation, demands: Demands) -> None:
-    """Compute thruster commands; write NaN for an action that is not finite, so that the vehicle diverges."""
+    """Write the thruster commands that the actions in `demands` request.
+
+    They are NaN for an action that is not finite, so that the vehicle diverges.
+    """
     k = cuda.grid(1)
     if k >= demands.actions.shape[0]:
         return
@@ -122,7 +132,10 @@ def observe(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, 
 def evaluate_step(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, demands: Demands, outcome: Outcome
 ) -> None:
-    """Compute rewards, flags and totals of a step."""
+    """Write rewards and flags of a step of all vehicles, and update the totals of their episodes.
+
+    The arguments are arrays on the device; `outcome` and `episodes` are written.
+    """
     k = cuda.grid(1)
     if k < demands.actions.shape[0]:
         score(k, rules, motion, scenes, episodes, demands.actions[k], outcome)

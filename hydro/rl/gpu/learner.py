@@ -136,7 +136,7 @@ class DeviceLearner:
         self._replay.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
 
     def update(self) -> Losses:
-        """Run one update of the networks; return the losses before the update."""
+        """Run one update of the networks; return the losses from before the update."""
         batch = self._replay.sample(self.config.batch)
         self.updates += 1
         if self.env.device.type != "cuda" or self.updates <= WARM_UP:

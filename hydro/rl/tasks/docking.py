@@ -38,7 +38,7 @@ class Docking(Task):
     def reward(self, settings: Settings) -> Reward:
         """Return the weights of an open-water task, with an alignment reward and a cost of haste.
 
-        The alignment takes half of the weight of the heading.
+        The alignment takes half of the weight of the heading reward.
         """
         given = super().reward(settings)
         half = 0.5 * given.heading

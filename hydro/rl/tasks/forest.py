@@ -27,7 +27,9 @@ class Forest(Task):
     patience = 2.0
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw start and goal at the ends of the tank and random pillars until all conditions hold.
+        """Return a scene with start and goal at the ends of the tank and a random forest of pillars.
+
+        A path with the planner's full margin exists, and a pillar blocks the straight line.
 
         Raises:
             UsageError: No such forest was found.
@@ -52,7 +54,7 @@ class Forest(Task):
         )
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of the reward, with the costs of being close to obstacles."""
+        """Return the weights of the reward's terms, with the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 

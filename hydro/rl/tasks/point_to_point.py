@@ -14,5 +14,5 @@ class PointToPoint(Task):
     name = "point_to_point"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw start, heading and goal."""
+        """Return a scene with random start, heading and goal."""
         return open_water(settings, rng)

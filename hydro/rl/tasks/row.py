@@ -17,7 +17,10 @@ class PillarRow(Task):
     most = 8
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw pillars at equal distances along a course north or south, on alternating sides of it."""
+        """Return a scene with pillars at equal distances along a course, on alternating sides of it.
+
+        The course leads north or south along the tank.
+        """
         if level == 0:
             return open_water(settings, rng)
         task, world, row = settings.task, settings.world, settings.row
@@ -38,7 +41,7 @@ class PillarRow(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of the reward, with the costs of being close to obstacles."""
+        """Return the weights of the reward's terms, with the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 

@@ -19,7 +19,7 @@ class Slalom(Task):
     patience = 2.0
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw baffles across a course north or south, with random distances that fit into the tank.
+        """Return a scene with baffles across a course north or south, at random distances.
 
         Raises:
             UsageError: The tank is too short for that many baffles.
@@ -51,7 +51,7 @@ class Slalom(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of the reward, with the costs of being close to obstacles."""
+        """Return the weights of the reward's terms, with the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 

@@ -21,7 +21,7 @@ class StationKeeping(Task):
     name = "station_keeping"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw the station, the current, and a start nearby."""
+        """Return a scene with a random station, current, and start nearby."""
         world, station = settings.world, settings.station
         size = np.array([world.length, world.width, world.depth])
         margin = settings.task.margin

@@ -138,7 +138,7 @@ def generator(seed: int, vehicle: int, episode: int) -> np.random.Generator:
 
 
 def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
-    """Draw a scene without pillars; the goal lies at a random distance and direction from the start."""
+    """Return a scene without pillars; the goal lies at a random distance and direction from the start."""
     task, world = settings.task, settings.world
     low = np.full(3, task.margin)
     high = np.array([world.length, world.width, world.depth]) - task.margin
@@ -151,7 +151,7 @@ def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
 
 
 def depths(settings: Settings, rng: np.random.Generator) -> tuple[float, float]:
-    """Draw the depths of start and goal [m], at most one metre apart, within the settings' margins."""
+    """Return random depths of start and goal [m], at most one metre apart, within the settings' margins."""
     shallow, deep = settings.task.margin, settings.world.depth - settings.task.margin
     depth = rng.uniform(shallow, deep)
     return depth, min(max(depth + rng.uniform(-1.0, 1.0), shallow), deep)

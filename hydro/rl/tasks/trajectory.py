@@ -23,14 +23,17 @@ class Trajectory(Task):
 
     @abstractmethod
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw the corners of the figure (CORNERS, 3) about the origin, NED [m].
+        """Return random corners of the figure (CORNERS, 3) about the origin, NED [m].
 
         A figure is closed if its last corner lies next to the first; otherwise the point returns the same
         way.
         """
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw figure, position and speed; the vehicle starts near the point, heading along the figure."""
+        """Return a scene with a random figure, position and speed; the vehicle starts near the moving point.
+
+        Its bow points about along the figure.
+        """
         world, task = settings.world, settings.task
         corners = self.figure(settings, rng)
         turn, shift = rng.choice([-1.0, 1.0]), rng.integers(CORNERS)
@@ -95,7 +98,7 @@ class Circle(Trajectory):
     name = "circle"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw one round (CORNERS, 3) [m]."""
+        """Return one round (CORNERS, 3) about the origin, NED [m], with a random radius."""
         return _circle(settings, rng)
 
 
@@ -105,7 +108,7 @@ class Helix(Trajectory):
     name = "helix"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw two rounds of a circle between depths that fit into the tank (CORNERS, 3) [m]."""
+        """Return two rounds of a circle between depths that fit into the tank (CORNERS, 3), NED [m]."""
         round_ = _circle(settings, rng)[::2]
         twice = np.vstack([round_, round_])
         room = settings.world.depth - 2.0 * settings.task.margin
@@ -121,7 +124,7 @@ class Lemniscate(Trajectory):
     name = "lemniscate"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Draw one round, its long axis along the tank (CORNERS, 3) [m]."""
+        """Return one round, with its long axis along the tank (CORNERS, 3), NED [m]."""
         angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         half = rng.uniform(*settings.trajectory.half)
         return np.column_stack(

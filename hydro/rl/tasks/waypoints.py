@@ -20,7 +20,7 @@ class WaypointCourse(Task):
     name = "waypoints"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Draw waypoints north or south along the tank; the bow points about to the first one."""
+        """Return a scene with random waypoints along the tank; the bow points about to the first one."""
         course = settings.waypoints
         low, high = limits(settings)
         legs = rng.uniform(*leg_lengths(settings), course.count)
@@ -43,12 +43,12 @@ class WaypointCourse(Task):
         return Scene(points[0], float(heading), np.array(points[1:]), nowhere(), passed=nearness(settings))
 
     def steps(self, settings: Settings) -> int:
-        """Return the control steps for the longest course at the allowed pace."""
+        """Return the number of control steps that the longest course takes at the allowed pace."""
         course = settings.waypoints
         return round(course.count * leg_lengths(settings)[1] / course.pace / settings.period)
 
     def reward(self, settings: Settings) -> Reward:
-        """Scale the reward of success with the time limit, as `Task.reward` does."""
+        """Return the weights of a task without obstacles; the success reward grows with the time limit."""
         given = settings.reward
         times = max(1.0, self.steps(settings) / settings.task.steps)
         return replace(given, obstacle=0.0, near=0.0, success=times * given.success)

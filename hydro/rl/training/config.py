@@ -25,7 +25,7 @@ def _require_counts(counts: Mapping[str, int]) -> None:
 
 @dataclass(frozen=True)
 class SACConfig:
-    """Settings of soft actor-critic; those of the paper (IV-C) where it gives them.
+    """Settings of soft actor-critic; those of Wu et al. (IV-C) where they give them.
 
     Attributes:
         layers: Widths of the hidden layers of actor and critics.
@@ -145,13 +145,13 @@ class Curriculum:
 
     @property
     def spare(self) -> int:
-        """Return the number of episodes that may fail in an examination that passes."""
+        """Number of episodes that may fail in an examination that passes."""
         few = (ok for ok in range(self.window, -1, -1) if ok / self.window < self.share)
         return self.window - next(few) - 1
 
     @property
     def levels(self) -> tuple[tuple[str, int], ...]:
-        """Return task and level of every level, in order."""
+        """All levels in order, each as a pair of the task's name and the level's number."""
         if self.task:
             alone = task_of(self.task)
             return ((alone.name, alone.most),)
@@ -161,7 +161,7 @@ class Curriculum:
 
     @property
     def stages(self) -> tuple[str, str, str]:
-        """Return the tasks of the three stages."""
+        """Names of the tasks of the three stages."""
         first, second, third = STAGES
         return first, PillarRow.name if self.row else second, third
 
@@ -271,7 +271,7 @@ class TrainingConfig:
 
     @property
     def manner(self) -> Manner:
-        """Return the tuning of the expert."""
+        """Tuning of the expert: its margin, pace and firmness."""
         return Manner(self.margin, self.pace, self.firmness)
 
 

@@ -25,12 +25,12 @@ class CurriculumProgress:
 
     @property
     def done(self) -> bool:
-        """Return whether the last level is passed."""
+        """Whether the last level is passed."""
         return not self._ahead
 
     @property
     def level(self) -> tuple[str, int]:
-        """Return the level that is trained now, with its task; the last one if all are passed."""
+        """Level that is trained now, as a pair of task and number; the last level if all are passed."""
         return (self._ahead or self.config.levels[-1:])[0]
 
     @property
@@ -44,7 +44,7 @@ class CurriculumProgress:
 
     @property
     def share(self) -> float:
-        """Return the success rate of the last training episodes at the current level; 0 before the first.
+        """Success rate of the last training episodes at the current level; 0 before the first.
 
         An examination leaves this rate unchanged, but empties the window that triggers examinations.
         """
@@ -52,7 +52,7 @@ class CurriculumProgress:
 
     @property
     def ready(self) -> bool:
-        """Return whether the success rate in training triggers an examination."""
+        """Whether the success rate in training triggers an examination."""
         full = len(self._window) == self.config.window
         return full and sum(self._window) / self.config.window >= self.config.ready
 
@@ -62,9 +62,12 @@ class CurriculumProgress:
         self._recent.append(bool(success))
 
     def examined(self, share: float) -> bool:
-        """Record the success rate of an examination; return whether it passes the level.
+        """Record the success rate of an examination; return whether the rate passes the level.
 
         After a failure, the window of training episodes must fill again before the next examination.
+
+        Args:
+            share: Success rate, 0 to 1.
         """
         passed = share >= self.config.share
         self.passed += [self.level] if passed else []
@@ -81,11 +84,11 @@ class CurriculumProgress:
 
     @property
     def ends(self) -> dict[str, int]:
-        """Return the last level of every task by the task's name, in order."""
+        """Last level of every task by the task's name, in order."""
         return dict(self.config.levels)
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state."""
+        """Return the complete state by name, for `restore`."""
         return {
             "passed": [list(level) for level in self.passed],
             "window": list(self._window),
@@ -93,7 +96,7 @@ class CurriculumProgress:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore a `state` of this or another curriculum; passed levels stay passed."""
+        """Continue from the `state` of this or another curriculum; passed levels stay passed."""
         self.passed = [(task, level) for task, level in state["passed"]]
         self._window = deque(state["window"], maxlen=self.config.window)
         self._recent = deque(state["recent"], maxlen=self.config.window)

@@ -71,31 +71,36 @@ class Disturbed:
 
 
 def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[tuple[Array32, Array32]]:
-    """Fly with an actor for the time limit of one episode; yield each step's observations and expert actions.
+    """Fly with an actor for the time limit of one episode; yield the expert's action at every state visited.
 
     Args:
-        fleet: As for `demonstrations`.
+        fleet: Vehicles that have not flown yet, with task and level set.
         actor: Policy or pilot that flies.
         manner: Tuning of the expert.
 
     Yields:
-        Observations (N, O), and the actions (N, 6) that the expert would take there.
+        For each step the observations (N, O), and the actions (N, 6) that the expert would take there.
     """
     for observations, expert, _, _ in _fly(fleet, actor, manner):
         yield observations, expert
 
 
 def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
-    """Fly with an actor for an episode's time limit; yield its observations (N, O) and actions (N, 6)."""
+    """Fly with an actor for an episode's time limit; yield observations (N, O) and actions (N, 6) per step.
+
+    Args:
+        fleet: Vehicles that have not flown yet, with task and level set.
+        actor: Policy or pilot that flies.
+    """
     for observations, _, done, _ in _fly(fleet, actor):
         yield observations, done
 
 
 def mastered(fleet: Fleet) -> float:
-    """Return the success rate of the expert in the first episode of each vehicle.
+    """Return the share (0 to 1) of vehicles with which the expert succeeds in their first episode.
 
     Args:
-        fleet: As for `demonstrations`.
+        fleet: Vehicles that have not flown yet, with task and level set.
     """
     first, reached = np.ones(fleet.count, dtype=np.bool_), 0
     for *_, step in _fly(fleet):

@@ -22,7 +22,7 @@ class Watch:
     """Monitor of the losses and evaluations of one training.
 
     Attributes:
-        exploded: Whether the critic's loss has met the definition of divergence in the module's docstring.
+        exploded: Whether the critic's loss has stayed above 100 times its running median for 1,000 updates.
         broken: Whether a loss was not finite.
         episodes: Number of episodes that ended in numerical divergence.
     """
@@ -49,12 +49,12 @@ class Watch:
 
     @property
     def collapsed(self) -> bool:
-        """Return whether the last evaluation fails completely after one with at least half success."""
+        """Whether the last evaluation fails completely after one with at least half success."""
         return self._best >= HALF and self._last == 0.0
 
     @property
     def verdict(self) -> str:
-        """Return the first kind of divergence found: `numerical`, `critic`, `success`, or an empty text."""
+        """First kind of divergence found: `numerical`, `critic`, `success`, or an empty text."""
         found = {
             "numerical": self.broken or self.episodes > 0,
             "critic": self.exploded,
@@ -63,11 +63,11 @@ class Watch:
         return next((name for name, holds in found.items() if holds), "")
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state."""
+        """Return the complete state by name, for `restore`."""
         return {name: value for name, value in vars(self).items() if name != "_losses"} | {
             "_losses": np.array(self._losses, dtype=np.float32)
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore a `state`."""
+        """Continue from the `state` of a monitor."""
         vars(self).update(state | {"_losses": state["_losses"].tolist()})

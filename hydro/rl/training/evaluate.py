@@ -31,14 +31,15 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = T
     Args:
         actor: Policy or pilot.
         fleet: One vehicle per episode, with task and level set.
-        spare: Number of failures allowed; the next failure stops all flights.  Unfinished episodes are then
-            dropped.
+        spare: Number of failures allowed; the next failure stops all flights, and unfinished episodes are
+            then dropped.  None flies all episodes to their ends.
         paths: Whether to plan the paths of tasks that arrive, for their tracking errors; this takes longer
             than the flights.  The path of a course is the line through its waypoints.  If some episodes are
             unfinished, there are no tracking errors either.
 
     Returns:
-        A table of kind `episodes`, one row per finished episode.
+        A table of kind `episodes`, one row per finished episode: `task`, `level`, outcome and totals,
+        `tracking_error` [m], `alternating`, and the positions of `start` and `goal`.
     """
     observations = fleet.reset()
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
@@ -141,7 +142,12 @@ class Flight(NamedTuple):
 
 
 def trace(actor: Actor, fleet: Fleet) -> Flight:
-    """Fly one episode with a fleet of one vehicle that has not flown yet, and record the flight."""
+    """Fly one episode with one vehicle, and return the recorded flight.
+
+    Args:
+        actor: Policy or pilot.
+        fleet: Fleet of one vehicle that has not flown yet.
+    """
     observations = fleet.reset()
     goal, pillars = fleet.goals[0].copy(), fleet.pillars[0]
     standing = pillars[np.isfinite(pillars).all(axis=1)].copy()
@@ -182,7 +188,7 @@ def _episode_row(step: Step, k: int, period: float) -> dict[str, Any]:
 
 
 def summary(episodes: pl.DataFrame) -> dict[str, Any]:
-    """Summarise the test flights of a policy.
+    """Return the results of the test flights of a policy as a dict.
 
     Args:
         episodes: Table of `fly`, one row per episode.
@@ -211,6 +217,11 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
 
 
 def interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return Wilson's 95 % confidence interval, low and high, of the probability of success."""
+    """Return the low and the high end of Wilson's 95 % confidence interval of a probability of success.
+
+    Args:
+        successes: Number of successes.
+        trials: Number of trials.
+    """
     found = scipy.stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
     return float(found.low), float(found.high)

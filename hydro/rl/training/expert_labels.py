@@ -38,7 +38,7 @@ class ExpertLabels:
 
     @property
     def levels(self) -> list[Level]:
-        """Return the levels with labels, in the order of their last addition."""
+        """Levels with labels, each a task and a number, in the order of their last addition."""
         return list(self._labels)
 
     def add(self, level: Level, encoded: Array32, actions: Array32) -> None:
@@ -53,7 +53,7 @@ class ExpertLabels:
         self._labels.pop(level, None)
 
     def batches(self, count: int, generator: torch.Generator) -> Iterator[tuple[Tensor, Tensor]]:
-        """Draw `count` batches of ROWS encoded observations (ROWS, O) and their actions (ROWS, A).
+        """Yield `count` random batches of ROWS encoded observations (ROWS, O) and their actions (ROWS, A).
 
         Levels are drawn in proportion to their numbers of labels, but the level added last makes up at least
         half.

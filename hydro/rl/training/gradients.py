@@ -91,7 +91,7 @@ class Perceptron:
         return passed[-1].linear, passed
 
     def backward(self, passed: Sequence[Passed], back: Tensor) -> None:
-        """Write the gradients of the parameters.
+        """Write the gradients of the parameters into the network's own buffers of gradients.
 
         Args:
             passed: Intermediate results of `forward`.
@@ -169,7 +169,12 @@ class Actor:
         self._pairs = _pairs(layers, gradients)
 
     def sample(self, observations: Tensor, generator: torch.Generator | None) -> Sampled:
-        """Sample actions at observations (B, O)."""
+        """Sample actions of the policy at observations (B, O), with all that `backward` needs.
+
+        Args:
+            observations: Encoded observations (B, O).
+            generator: Generator of the noise; None for torch's global one.
+        """
         output, passed = self._network.forward(observations)
         mean, raw = output.chunk(2, -1)
         biased = raw + self._offset

@@ -42,7 +42,7 @@ def pack(transitions: dict[str, Tensor]) -> Packed:
 
 
 def unpack(packed: Packed) -> dict[str, Tensor]:
-    """Unpack transitions, bit for bit."""
+    """Return the columns of transitions that `pack` packed, bit for bit."""
     if not packed:
         return {}
     columns, width = _read(packed["columns"]), packed["shapes"][SEEN]

@@ -22,7 +22,9 @@ Actor = Callable[[Array32], Array32]
 
 
 def pilot_of(task: Task, manner: Manner = PLAIN, *, fins: bool = False) -> Actor:
-    """Return the hand-written controller that serves as baseline of a task; it takes only observations.
+    """Return the hand-written controller that serves as baseline of a task.
+
+    It is a function from observations (N, O) to actions (N, 6).
 
     Args:
         task: The task.

@@ -18,7 +18,7 @@ from hydro.rl.environment.encoding import Encoding
 
 
 def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = False) -> nn.Module:
-    """Make a multilayer perceptron with ReLU, and with layer normalisation if `norm` is true.
+    """Return a new multilayer perceptron with ReLU, and with layer normalisation if `norm` is true.
 
     Args:
         inputs: Number of inputs.
@@ -35,9 +35,14 @@ def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = F
 
 
 def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
-    """Make the policy network from encoded observations (..., O) to mean and standard deviation (..., A).
+    """Return a new policy network: encoded observations (..., O) to mean and standard deviation (..., A).
 
     They describe the normal distribution of the A action components before the tanh.
+
+    Args:
+        observations: Number O of observations.
+        actions: Number A of action components.
+        widths: Widths of the hidden layers.
     """
     return nn.Sequential(layers(observations, 2 * actions, widths), NormalParamExtractor())
 
@@ -80,7 +85,13 @@ class Policy:
 
 
 def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
-    """Encode observations (..., O) as `Encoding` does, with tensors of its scale and fades."""
+    """Return observations (..., O) encoded as input of a network: x / scale, or exp(-x / scale) for ranges.
+
+    Args:
+        observations: Observations in SI units.
+        scale: Typical size of each observation (O,).
+        fades: Mask of the observations that are ranges (O,).
+    """
     given = observations / scale
     return torch.where(fades, torch.exp(-given), given)
 

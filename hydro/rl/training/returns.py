@@ -78,10 +78,10 @@ class Horizon(Window[Transition]):
         return Transition(first.observations, first.actions, rewards, terminated, ended, following, steps)
 
     def state(self) -> list[Transition]:
-        """Return the complete state: the steps in the window."""
+        """Return the steps in the window, the oldest first: the complete state, for `restore`."""
         return list(self._window)
 
     def restore(self, steps: Iterable[Iterable[Any]]) -> None:
-        """Restore the `state` of a window of the same length."""
+        """Replace the steps in the window by those that `state` of a window of the same length returned."""
         self._window.clear()
         self._window.extend(Transition(*step) for step in steps)

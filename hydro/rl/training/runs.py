@@ -149,6 +149,11 @@ class Folder:
         Call it after the training was constructed.  Otherwise invalid settings would leave a folder that
         blocks a valid training.
 
+        Args:
+            run: Table of the training's settings.
+            model: Residual model; None without one.
+            covariance: Covariance of the vehicle file's parameters; None without one.
+
         Raises:
             DataError: The operating system refuses.
         """
@@ -175,7 +180,12 @@ class Folder:
             )
 
     def save(self, training: Training, run: Artefact) -> None:
-        """Write the tables of a training, then its checkpoint if one is due."""
+        """Write the tables of a training and its policies, then its checkpoint if one is due.
+
+        Args:
+            training: The training.
+            run: Table of its settings, which becomes an input of every table.
+        """
         config, tables = training.config, training.tables()
         for kind, name in (("curves", CURVES), ("evaluations", EVALUATIONS)):
             made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
@@ -207,16 +217,16 @@ class Folder:
         return table.read(self.path / RUN, "run")
 
     def model(self) -> Artefact | None:
-        """Return the residual model of the condition, if it has one."""
+        """Return the residual model of the condition; None if the condition has none."""
         return table.read(self.path / MODEL, "model") if (self.path / MODEL).exists() else None
 
     def covariance(self) -> Artefact | None:
-        """Return the covariance of the vehicle file's parameters, if there is one."""
+        """Return the covariance of the vehicle file's parameters; None if there is none."""
         there = (self.path / COVARIANCE).exists()
         return table.read(self.path / COVARIANCE, "covariance") if there else None
 
     def learnt(self) -> dict[str, Any]:
-        """Return the state of the learner in the checkpoint, from which another training can start.
+        """Return the `state` of the learner in the checkpoint, from which another training can start.
 
         Raises:
             DataError: The checkpoint is missing or broken.
@@ -261,7 +271,13 @@ class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
-    """Make the table of a policy's tensors, with the table `run` of its training's settings as source."""
+    """Make the table of a policy's tensors, with a description of the policy in its footer.
+
+    Args:
+        policy: The policy.
+        run: Table of its training's settings, which becomes an input in the provenance.
+        seed: Seed of the training.
+    """
     tensors = policy.weights
     frame = pl.DataFrame(
         {

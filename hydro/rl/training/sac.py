@@ -208,7 +208,7 @@ class Learner:
 
     @property
     def ready(self) -> bool:
-        """Return whether there are transitions to learn from."""
+        """Whether there are transitions to learn from."""
         return len(self._replay) + len(self._shown) > 0
 
     @torch.no_grad()
@@ -296,7 +296,11 @@ class Learner:
                 self._labels.add(level, self._encoding(observations), actions)
 
     def clone(self, batches: int) -> None:
-        """Train the policy by imitation of all labels, and set its moving average to the result."""
+        """Train the policy by imitation of all labels, and set its moving average to the result.
+
+        Args:
+            batches: Number of batches.
+        """
         imitate(self.network, self._labels, batches, self._generators["batches"])
         self._average.module.load_state_dict(self.network.state_dict())
 
@@ -337,7 +341,7 @@ class Learner:
         return Losses(*losses)
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state for `torch.save`, with packed buffers; see `training.memory`."""
+        """Return the complete state by name, for `torch.save`; transitions are packed into bytes."""
         return {
             "loss": self.loss.state_dict(),
             "average": self._average.state_dict(),
@@ -354,7 +358,10 @@ class Learner:
         }
 
     def load_weights(self, learnt: Mapping[str, Any]) -> None:
-        """Load policy, critics and temperature from the `state` of another learner.
+        """Replace policy, critics and temperature by those in the `state` of another learner.
+
+        Args:
+            learnt: Return value of `state` of the other learner.
 
         Raises:
             DataError: The other learner's networks have other layers.
@@ -366,7 +373,7 @@ class Learner:
             raise DataError("the training to start from has other layers: give its sac.layers") from error
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore the `state` of a learner with the same settings, bit for bit."""
+        """Continue, bit for bit, from the `state` of a learner with the same settings."""
         self.load_weights(state)
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():

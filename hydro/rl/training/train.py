@@ -94,17 +94,17 @@ class Training:
 
     @property
     def updates(self) -> int:
-        """Return the number of updates of soft actor-critic so far; imitation makes none."""
+        """Number of updates of soft actor-critic so far; imitation makes none."""
         return self._learner.updates
 
     @property
     def checkpoint_due(self) -> bool:
-        """Return whether the state is to be saved after this evaluation."""
+        """Whether the state is to be saved after this evaluation."""
         return self.finished or self.steps // self.config.evaluate % self.config.checkpoint == 0
 
     @property
     def finished(self) -> bool:
-        """Return whether the curriculum is passed, the steps are used up, or a loss is not finite."""
+        """Whether the curriculum is passed, the steps are used up, or a loss is not finite."""
         return self.curriculum.done or self.steps >= self.config.steps or self.watch.broken
 
     def advance(self, progress: Progress = lambda training: None) -> None:
@@ -183,7 +183,11 @@ class Training:
         return self.steps - self._examined >= every if every else self.curriculum.ready
 
     def policy(self, examined: Level | None = None) -> Policy:
-        """Return the policy so far, described by the level that it passed, by default the current level."""
+        """Return the averaged policy so far, with a description of its training.
+
+        Args:
+            examined: Level that the policy passed, for the description; by default the level trained now.
+        """
         task, level = examined or self.curriculum.level
         return self._learner.policy(
             {
@@ -314,7 +318,7 @@ class Training:
         self._returns, self._losses = [], []
 
     def tables(self) -> dict[str, pl.DataFrame]:
-        """Return curves and evaluations so far, by kind of table."""
+        """Return the tables `curves` and `evaluations` so far, as a dict by kind of table."""
         return {
             "curves": pl.DataFrame(self.curves, infer_schema_length=None, schema_overrides=_NUMBERS),
             "evaluations": pl.DataFrame(
@@ -340,7 +344,7 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore the `state` of the same training, or of one with fewer steps or another curriculum."""
+        """Continue from the `state` of this training, or of one with fewer steps or another curriculum."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
         self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])

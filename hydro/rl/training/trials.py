@@ -30,7 +30,7 @@ class Trial:
     posterior: bool = False
 
     def of(self, settings: Settings) -> Settings:
-        """Return settings changed for this test, with the random differences of the training switched off."""
+        """Return a copy of settings changed for this test, without the random differences of training."""
         return self.change(replace(settings, randomise=Randomisation()))
 
     def suits(self, task: Task, *, estimates: bool) -> bool:

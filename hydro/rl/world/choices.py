@@ -19,7 +19,11 @@ def flat(config: Any) -> dict[str, str]:
 
 
 def built(kind: type[T], choices: Mapping[str, str]) -> T:
-    """Build a dataclass of type `kind` from JSON texts by dotted name, one for each of its settings.
+    """Return a new dataclass of type `kind` with the settings in `choices`.
+
+    Args:
+        kind: Dataclass, possibly with nested dataclasses.
+        choices: JSON texts by dotted name, one for each of its settings.
 
     Raises:
         msgspec.MsgspecError: A value is not JSON, or has the wrong type.

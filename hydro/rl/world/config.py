@@ -68,7 +68,7 @@ class Sonar:
 
 @dataclass(frozen=True)
 class Noise:
-    """Gaussian noise of the sensors, 1 sigma (paper III-D).
+    """Gaussian noise of the sensors, 1 sigma (Wu et al., III-D).
 
     Attributes:
         velocity: Each component of the DVL [m/s].
@@ -85,12 +85,12 @@ class Noise:
 
 @dataclass(frozen=True)
 class Reward:
-    """Weights of the reward (paper eq. 8); all except success and collision apply per control step.
+    """Weights of the reward (Wu et al., eq. 8); all except success and collision apply per control step.
 
     Attributes:
         shaping: phi_s: the potential phi falls by this much over the distance `distance` from the goal.
         distance: d_max, the distance over which the potential falls by `shaping` [m].
-        discount: gamma of the shaping term gamma phi_t - phi_{t-1}.  With 1, as in the paper, its sum depends
+        discount: gamma of the shaping term gamma phi_t - phi_{t-1}.  With 1, as in Wu et al., its sum depends
             only on the first and last state.
         heading: w_a, the reward for pointing at the target in the horizontal plane.
         blind: Horizontal distance to the target below which the heading term is zero [m].
@@ -350,7 +350,7 @@ class Settings:
         engine: Simulator of the vehicles: `kernels`, this project's own code without MuJoCo, or `mujoco`.
             The physics is the same; only the integration differs.
         step: Greatest integration step of the kernels, which use the classical Runge-Kutta method [s].
-        physics: Step and integrator of MuJoCo; the paper's 500 Hz by default.
+        physics: Step and integrator of MuJoCo; by default 500 Hz as in Wu et al..
         period: Control step [s].
         overspeed: Speed above which steps are counted [m/s]; it does not end an episode.
     """

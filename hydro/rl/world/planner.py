@@ -50,11 +50,11 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Return the number of cells north and east."""
+        """Number of cells north and east."""
         return math.ceil(self.length / self.cell - 1e-9), math.ceil(self.width / self.cell - 1e-9)
 
     def of(self, place: ArrayLike) -> tuple[int, int]:
-        """Return the cell of a position x, y [m]; outside the grid, the nearest cell."""
+        """Return the indices, north and east, of the cell at a position x, y [m] or nearest to it."""
         x, y = np.clip(np.floor(np.asarray(place, float) / self.cell), 0, np.array(self.shape) - 1)
         return int(x), int(y)
 
@@ -94,7 +94,7 @@ def _clear_of(free: Cells, x: Array, y: Array, pillars: Array, apart: float) -> 
 
 
 def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radius: float) -> Array:
-    """Plan the shortest path around pillars; its depth changes linearly from start to goal.
+    """Return the shortest path around pillars; its depth changes linearly from start to goal.
 
     If the full margin leaves no path, or start or goal lie within it, the planner uses the greatest share in
     `RELAXED` that gives a path.
@@ -145,7 +145,18 @@ def astar(free: Cells, start: tuple[int, int], goal: tuple[int, int]) -> NDArray
 def astar_kernel(
     free: Cells, neighbours: NDArray[np.int64], sx: int, sy: int, gx: int, gy: int
 ) -> NDArray[np.int64]:
-    """Run A* with the octile heuristic; it is consistent, so a cell taken from the heap is final."""
+    """Return the indices (K, 2) of the cells on a shortest path; the compiled part of `astar`.
+
+    The octile heuristic is consistent, so a cell taken from the heap is final.
+
+    Args:
+        free: Mask of the free cells (X, Y).
+        neighbours: Steps to the eight neighbours of a cell.
+        sx: North index of the first cell.
+        sy: East index of the first cell.
+        gx: North index of the last cell.
+        gy: East index of the last cell.
+    """
     nx, ny = free.shape
     if not (free[sx, sy] and free[gx, gy]):
         return np.empty((0, 2), np.int64)
@@ -224,7 +235,10 @@ def _back(came: NDArray[np.int64], last: int, ny: int) -> NDArray[np.int64]:
 
 @jit
 def shorten_kernel(way: Array, pillars: Array, apart: float) -> NDArray[np.int64]:
-    """Return the rows of a path that remain if each corner is joined to the furthest corner in free sight.
+    """Return the indices of the corners of a path that remain if straight lines replace detours.
+
+    Each corner is joined to the furthest later corner that a straight line reaches at enough distance from
+    the pillars.
 
     Args:
         way: Corners x y of the path (K, 2) [m].

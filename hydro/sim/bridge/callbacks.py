@@ -415,7 +415,7 @@ def _thrust(model: int, data: int, actuator: int) -> float:
 
 
 def compile_callbacks() -> dict[str, Any]:
-    """Return the compiled callbacks by the names of MuJoCo's pointers to them.
+    """Return the compiled callbacks as a dict by the names of MuJoCo's pointers to them.
 
     LLVM must know the addresses of all `FUNCTIONS`.
     """

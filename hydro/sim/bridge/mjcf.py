@@ -98,7 +98,7 @@ def add_vehicle(
     name: str | None = None,
     folder: Path | None = None,
 ) -> mujoco.MjsBody:
-    """Add a floating vehicle to a scene.
+    """Add a floating vehicle to a scene, which is changed in place.
 
     The body is called `name`, and its thrusters' sites and actuators `name/T1`, …  Each actuator's control is
     the thruster's command in [-1, 1], its force the thrust [N].

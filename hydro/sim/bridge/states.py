@@ -36,9 +36,9 @@ def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
 
 
 def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
-    """Return `qpos` (..., 7) and `qvel` (..., 6) of a pose (..., 7) and nu (..., 6).
+    """Return MuJoCo's `qpos` (..., 7) and `qvel` (..., 6) of a pose (..., 7) and velocity nu (..., 6).
 
-    The pose is x y z and the quaternion from FRD to NED.
+    The pose is x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED; nu is u v w p q r, FRD.
     """
     quaternion = pose[..., 3:]
     linear = np.einsum("...ij,...j->...i", rotation_from_quaternion(quaternion), nu[..., :3])
@@ -47,7 +47,11 @@ def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
 
 
 def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
-    """Return eta (..., 6) and nu (..., 6) from MuJoCo's `qpos` (..., 7) and `qvel` (..., 6)."""
+    """Return the state in the project's coordinates, given MuJoCo's `qpos` (..., 7) and `qvel` (..., 6).
+
+    Returns:
+        eta (..., 6), x y z, NED [m], and ZYX Euler angles [rad]; and nu (..., 6), FRD [m/s, rad/s].
+    """
     qpos, qvel = np.asarray(qpos, dtype=np.float64), np.asarray(qvel, dtype=np.float64)
     quaternion = swap_quaternion(qpos[..., 3:7])
     back = rotation_from_quaternion(quaternion)

@@ -69,7 +69,12 @@ WHOLE = 1 << 30  # length of a view whose end is determined by its content
 
 @inlined
 def vehicle_at(model: int, index: int) -> Array:
-    """Return the parameters in the numeric field `index`; empty if it is not a field of hydro."""
+    """Return a view of the parameters in a numeric field; empty if the field is not hydro's.
+
+    Args:
+        model: Address of the `mjModel`.
+        index: Number of the numeric field.
+    """
     length = integers(model, NUMERIC_SIZE, index, 1)[0]
     found = numbers(model, NUMERIC_DATA, integers(model, NUMERIC_ADR, index, 1)[0], length)
     own = length >= water.HEADER and found[water.AT_MAGIC] == water.MAGIC
@@ -79,14 +84,19 @@ def vehicle_at(model: int, index: int) -> Array:
 
 @inlined
 def program_of(vehicle: Array) -> Array:
-    """Return the compiled effects and thrusters of a vehicle."""
+    """Return a view of the compiled effects and thrusters in a vehicle's parameters from `vehicle_at`."""
     program: Array = part(vehicle, int(vehicle[water.AT_PROGRAM]), WHOLE)
     return program
 
 
 @inlined
 def control_states(data: int, vehicle: Array) -> Array:
-    """Return a view of the states in `mjData.act` that a residual network keeps; empty without a network."""
+    """Return a view of the states in `mjData.act` that a residual network keeps; empty without a network.
+
+    Args:
+        data: Address of the `mjData`.
+        vehicle: Parameters of the vehicle, from `vehicle_at`.
+    """
     at = int(vehicle[water.AT_CONTROL])
     count = int(vehicle[at + control.AT_STATES]) if at else 0
     states: Array = numbers(data, ACT, int(vehicle[water.AT_CONTROL_STATES]), count)
@@ -95,14 +105,19 @@ def control_states(data: int, vehicle: Array) -> Array:
 
 @inlined
 def parameters_of(model: int, actuator: int) -> Array:
-    """Return an actuator's `biasprm`, as written by `prepare`."""
+    """Return a view of the `biasprm` of actuator number `actuator`, as written by `prepare`."""
     prm: Array = numbers(model, BIASPRM, NBIAS * actuator, NBIAS)
     return prm
 
 
 @inlined
 def thruster_row(model: int, prm: Array) -> Array:
-    """Return the thruster row of an actuator; empty if it is not a thruster of hydro."""
+    """Return a view of the thruster table's row for an actuator; empty if it is not a thruster of hydro.
+
+    Args:
+        model: Address of the `mjModel`.
+        prm: Parameters of the actuator, from `parameters_of`.
+    """
     own = prm[PRM_MAGIC] == water.MAGIC and prm[PRM_THRUSTER] >= 0.0
     row: Array = numbers(model, NUMERIC_DATA, int(prm[PRM_THRUSTER]) if own else 0, COLUMNS if own else 0)
     return row
@@ -110,13 +125,23 @@ def thruster_row(model: int, prm: Array) -> Array:
 
 @within
 def last_activation(model: int, actuator: int) -> int:
-    """Return the address of a thruster's lag state; a delayed command precedes it."""
+    """Return the index in `mjData.act` of a thruster's lag state; a delayed command precedes it.
+
+    Args:
+        model: Address of the `mjModel`.
+        actuator: Number of the actuator.
+    """
     return int(integers(model, ACTADR, actuator, 1)[0] + integers(model, ACTNUM, actuator, 1)[0] - 1)
 
 
 @inlined
 def command_of(data: int, prm: Array) -> float:
-    """Return the command that acts on a thruster during this step."""
+    """Return the command that acts on a thruster during this step, after its delay.
+
+    Args:
+        data: Address of the `mjData`.
+        prm: Parameters of the actuator, from `parameters_of`.
+    """
     if prm[PRM_DELAYED] > 0.0:
         return float(numbers(data, ACT, int(prm[PRM_STATE]) - 1, 1)[0])
     return float(numbers(data, CTRL, int(prm[PRM_CONTROL]), 1)[0])

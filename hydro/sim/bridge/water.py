@@ -83,7 +83,11 @@ class Water:
         return count + 1 if count else 0
 
     def encode(self, held: int = -1) -> Array:
-        """Return the content of the numeric field; `held` is the index of the held wrench in `userdata`."""
+        """Return these forces as the array of numbers of the model's numeric field.
+
+        Args:
+            held: Index in MuJoCo's `userdata` of the wrench that the host holds; -1 without one.
+        """
         header = np.zeros(HEADER)
         header[[AT_MAGIC, AT_VERSION]] = MAGIC, VERSION
         header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR, AT_ROWS]] = UNKNOWN
@@ -108,7 +112,12 @@ class Water:
 
 
 def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
-    """Return all water forces of the vehicle file, with waves drawn from seeds, or without waves."""
+    """Return all water forces of a vehicle file.
+
+    Args:
+        vehicle: Vehicle file.
+        sea: Seeds of random waves; None for no waves.
+    """
     inertia = _some(inertia_matrix(vehicle))
     return Water(assemble(vehicle, sea=sea), inertia=inertia, coriolis=inertia)
 
@@ -116,7 +125,7 @@ def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
 def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
     """Return the water forces of a vehicle's thrusters alone, including effects on thrusters.
 
-    MuJoCo's own C_RB stays.  There is no C_A, which is part of a residual model (paper eq. 6).
+    MuJoCo's own C_RB stays.  There is no C_A, which is part of a residual model (Wu et al., eq. 6).
 
     Args:
         vehicle: Vehicle file.

@@ -73,7 +73,7 @@ class Orders(NamedTuple):
 
 
 def launch(kernel: Any, count: int, *blocks: Any) -> None:
-    """Run a kernel for `count` vehicles."""
+    """Run a kernel with one thread for each of `count` vehicles, and `blocks` as its arguments."""
     kernel[-(-count // BLOCK), min(BLOCK, count)](*blocks)
 
 

@@ -92,7 +92,7 @@ class GpuPlant:
         self._upload([self._craft(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles by index, see `sim.plant.Plant`, and drop unused vehicles of a pool.
+        """Replace vehicles, given by their index in the plant, and drop unused vehicles of a pool.
 
         Raises:
             DataError: A vehicle cannot be simulated or is too different.
@@ -111,12 +111,12 @@ class GpuPlant:
         self._crafts_on_host, self._crafts = crafts, crafts_of(crafts, kind, memory.put)
 
     def reset(self, mask: ArrayLike, pose: ArrayLike, velocity: ArrayLike) -> None:
-        """Start the vehicles of a mask at a pose and velocity; see `sim.plant.Plant`.
+        """Start the vehicles of a mask with thrusters at rest and clock at 0.
 
         Args:
             mask: Vehicles that start, (N,), on the device or host, like the other arguments.
-            pose: (N, 7).
-            velocity: (N, 6).
+            pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED (N, 7).
+            velocity: u v w p q r over ground, FRD [m/s, rad/s] (N, 6).
 
         Raises:
             DataError: An argument has another shape.
@@ -133,7 +133,10 @@ class GpuPlant:
         )
 
     def step(self, commands: ArrayLike) -> None:
-        """Simulate one control step with held commands (N, n), on the device or host; see `Plant`.
+        """Simulate one control step, and rewrite the plant's arrays of readings on the device.
+
+        Args:
+            commands: Commands in [-1, 1], held during the step (N, n), on the device or host.
 
         Raises:
             DataError: The commands have another shape.
@@ -169,7 +172,7 @@ class GpuPlant:
         return Readings(*(memory.host(each) for each in self._readings))
 
     def snapshot(self) -> Snapshot:
-        """Return all states and readings, on the host."""
+        """Return a copy of all states and readings as arrays by name, on the host."""
         return {name: memory.host(array) for name, array in self._state().items()}
 
     def restore(self, snapshot: Snapshot) -> None:

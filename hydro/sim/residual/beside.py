@@ -32,6 +32,9 @@ def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
         labelled: Vehicle of the network's labels.  If it is unknown (None), all effects of `vehicle` that
             cannot be added to a network are assumed to be in the labels.
 
+    Returns:
+        The tables of those effects of `vehicle` that the labels do not contain; () if there are none.
+
     Raises:
         DataError: The files differ in effects that cannot be added to the network.
     """

@@ -79,7 +79,7 @@ class Conditioning:
         return self.beta if self.weighs == "old" else 1.0 - self.beta
 
     def parameters(self) -> Array:
-        """Return the parameters of `condition_kernel`, shape (9,)."""
+        """Return all settings as one array (9,), for `condition_kernel`."""
         return np.array([self.keep, *self.limits, self.linear_deadband, self.angular_deadband])
 
 
@@ -101,9 +101,11 @@ OFF = Conditioning()
 
 
 def preset(name: str, vehicle: Vehicle) -> Conditioning:
-    """Return a conditioning by name: none, the paper's with either meaning of beta = 0.9, or one part of it.
+    """Return a conditioning by name: none, that of Wu et al., or one part of it.
 
-    The paper gives neither limits nor the width of the dead band.  Limits are twice the greatest wrench of
+    Their low-pass has beta = 0.9, which may weigh the old or the new value.
+
+    Wu et al. give neither limits nor the width of the dead band.  Limits are twice the greatest wrench of
     the thrusters on an axis, since a steady residual balances the thrusters; an axis without thrust has no
     limit. The dead band is 0.02 m/s and 0.02 rad/s.
 
@@ -132,7 +134,12 @@ def preset(name: str, vehicle: Vehicle) -> Conditioning:
 
 
 def clipping(vehicle: Vehicle, headroom: float = HEADROOM) -> tuple[float, ...]:
-    """Return clipping limits [N, N m] in multiples of the thrusters' authority on each axis."""
+    """Return the clipping limit of each axis [N, N m], six numbers; infinite on an axis without thrust.
+
+    Args:
+        vehicle: Vehicle, whose thrusters determine the limits.
+        headroom: Limit in multiples of the greatest wrench of the thrusters on the axis.
+    """
     strongest = thruster_table(vehicle)[:, [MAX_THRUST, MAX_REVERSE]].max(axis=1)
     authority = headroom * np.abs(configuration_matrix(vehicle)) @ strongest
     return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
@@ -211,6 +218,6 @@ def condition(wrenches: ArrayLike, nu: ArrayLike, conditioning: Conditioning) ->
 
 
 def counts_of(numbers: ArrayLike) -> Counts:
-    """Return counts from the array that `condition_kernel` fills, shape (8,)."""
+    """Return counts as an object from the array of numbers (8,) that `condition_kernel` fills."""
     steps, *clipped, held_back = (int(n) for n in np.asarray(numbers))
     return Counts(steps, tuple(clipped), held_back)

@@ -79,7 +79,7 @@ class Control:
         period: Control step [s].
         design: Filter for nu_dot, for any sample time; by default one that trusts every sample.
         conditioning: Conditioning of the network's wrench.
-        lead: Time by which the network is evaluated ahead, as a share of the control step; 0 as in the paper.
+        lead: Time by which the network is evaluated ahead, as a share of the control step; 0 as in Wu et al.
             A passive model needs no lead and gets none.
     """
 
@@ -118,7 +118,10 @@ class Control:
         return UNCONDITIONED if self.conditioning == OFF else STATES
 
     def encode(self) -> Array:
-        """Return the block of parameters; weights are packed, two float32 to a double."""
+        """Return the network, its filter and its conditioning as one array of numbers, for `tables_of`.
+
+        Weights are packed, two float32 to a double.
+        """
         design = self.design or Design(self.period, (NOISELESS,) * 6, (0.0,) * 6)
         forward = gains(design.at(self.period)).forward
         network = self.network
@@ -153,13 +156,19 @@ class Control:
 
 
 def line_padding(blocks: Sequence[Array]) -> Array:
-    """Return zeros that extend blocks to a multiple of a cache line, so that the next block is aligned."""
+    """Return zeros to append to blocks of numbers, so that the next block begins at a cache line."""
     return np.zeros(-sum(map(len, blocks)) % CACHE_LINE)
 
 
 @within
 def due(block: Array, states: Array, time: float) -> bool:
-    """Return whether the next control step begins at or before `time` [s]."""
+    """Return whether the network's next control step begins at or before `time` [s].
+
+    Args:
+        block: Parameters of the control, from `Control.encode`.
+        states: States of the control between its steps.
+        time: Time since the start [s].
+    """
     return bool(time >= (states[TICK] - CLOCK_TOLERANCE) * block[AT_PERIOD])
 
 
@@ -205,7 +214,7 @@ class Room(NamedTuple):
 
 @jit
 def tables_of(block: Array, weights: Array32) -> Tables:
-    """Return the tables in a block of parameters."""
+    """Return the parts of a block of parameters from `Control.encode` as views, together with the weights."""
     begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
     at, steps = int(block[AT_PROGRAM]), int(block[AT_STEPS])
     return Tables(
@@ -218,7 +227,15 @@ def tables_of(block: Array, weights: Array32) -> Tables:
 
 @jit
 def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
-    """Start a control step from a block of parameters: call `renew` with new buffers."""
+    """Start a control step: compute the network's wrench at the velocity nu (6,), and hold it in `states`.
+
+    Args:
+        block: Parameters of the control, from `Control.encode`.
+        weights: Weights of the network.
+        states: States of the control; written.
+        time: Time since the start [s].
+        nu: Velocity, FRD [m/s, rad/s].
+    """
     room = Room(
         np.empty(int(block[AT_ROOM]), np.float32), np.empty(OWN_SCRATCH + int(block[AT_INPUTS]) + SCRATCH)
     )
@@ -227,11 +244,11 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
 
 @kernel
 def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> None:
-    """Start a control step: update the held wrench from the velocity nu (6,), and count the step.
+    """Start a control step: compute the wrench of the network at the velocity nu (6,), and count the step.
 
     Args:
         tables: Parameters of the control.
-        states: States of the control; written.
+        states: States of the control, which hold the wrench; written.
         time: Time [s].
         nu: Velocity, FRD, (6,) [m/s, rad/s].
         room: Buffers; overwritten.
@@ -312,7 +329,7 @@ def attend(
         y: State of motion, see `core.simulation.dynamics`.
         tables: Parameters of the control.
         states: States of the control; written.
-        inertia: See `hold`.
+        inertia: Inertia whose Coriolis and centripetal forces are cancelled, (36,), row by row.
         s: State of motion (`held.WITH_HELD`,) with its time and `held.FELT`; the rest is written.
         room: Buffers; overwritten.
     """
@@ -325,7 +342,15 @@ def attend(
 
 @within
 def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
-    """Subtract the network's wrench at the velocity nu (6,) from `tau` (6,); `part` (6,) is overwritten."""
+    """Subtract the network's held wrench [N, N m] at the velocity nu (6,) from `tau` (6,), in place.
+
+    Args:
+        block: Parameters of the control.
+        states: States of the control.
+        nu: Velocity, FRD [m/s, rad/s]; only a passive network's wrench depends on it.
+        part: Buffer (6,), overwritten.
+        tau: Wrench on the vehicle, written.
+    """
     for i in range(6):
         tau[i] -= states[HELD + i]
     if block[AT_INERTIA] > 0.0:

@@ -73,7 +73,7 @@ class StonefishPlant:
         return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles by index; see `sim.plant.Plant`.
+        """Replace vehicles, given by their index in the plant; reset each before its next step.
 
         Raises:
             DataError: Stonefish cannot represent a part of a vehicle, or the number of thrusters differs.
@@ -84,7 +84,12 @@ class StonefishPlant:
             self._pending[number] = _Process(subject.scenario, self._ticks)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
-        """Start the vehicles of a mask at a pose and velocity; see `Plant`.
+        """Start the vehicles of a mask (N,) with thrusters at rest and clock at 0.
+
+        Args:
+            mask: Vehicles that start, (N,).
+            pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED (N, 7).
+            velocity: u v w p q r over ground, FRD [m/s, rad/s] (N, 6).
 
         Raises:
             DataError: The program fails.
@@ -99,7 +104,12 @@ class StonefishPlant:
             self._read(k, self._vehicles[k].answers())
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step; see `Plant`."""
+        """Simulate one control step, and rewrite the plant's arrays of readings.
+
+        Args:
+            commands: Commands in [-1, 1], held during the step (N, n).
+            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+        """
         going = np.flatnonzero(~self.diverged if flying is None else flying & ~self.diverged).tolist()
         for k in going:
             self._vehicles[k].go_on(commands[k])

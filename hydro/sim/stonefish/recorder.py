@@ -79,7 +79,14 @@ class StonefishTeacher:
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the motion of one session and its commands; see `sim.teacher.fly`.  Stonefish has no waves.
+        """Return the true motion (N, 12) of one session, and its effective commands (N, n).
+
+        Args:
+            demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
+            depth: Depth of the start and of the hold [m].
+            heading: Heading of the start, and of the hold [rad].
+            hold_heading: Hold the heading in addition to depth, roll and pitch.
+            sea: Ignored, because Stonefish has no waves.
 
         Raises:
             DataError: The motion diverges, or the program fails.

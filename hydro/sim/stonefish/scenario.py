@@ -108,7 +108,7 @@ class Delays:
         self._past = np.zeros((int(self._whole.max(initial=0)) + 2, len(table)))
 
     def felt(self, setpoints: Array) -> Iterator[tuple[int, Array]]:
-        """Yield the parts of the next step, each with constant delayed setpoints.
+        """Store the setpoints of a new control step; yield the parts of this step with constant setpoints.
 
         Args:
             setpoints: Setpoints that are given from now on (k,).
