@@ -1,9 +1,8 @@
-"""Attitude sensor that is turned against the vehicle.
+"""Attitude sensor that is mounted at an angle to the vehicle.
 
-Pose and velocity together show only that attitude sensor and DVL are turned against each other.  Thrust and
-weight show which one is turned against the vehicle.  If the file predicts the log better with attitude and
-rates turned back than with the DVL turned, the attitude sensor is, and the diagnosis goes on without its
-error.
+Pose and velocity show only the angle between attitude sensor and DVL.  Thrust and weight show which of the two
+is turned against the vehicle.  So the vehicle is fitted twice: to the log with attitude and rates turned back,
+and with the DVL turned.  If the first fit has the smaller residual, the diagnosis continues with that log.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ def with_mounting(
     misfit: Callable[[Vehicle, Preprocessed], float],
     hull: Hull | None = None,
 ) -> Preprocessed:
-    """Return a recording with attitude and rates turned back, if their sensor is turned; else the recording.
+    """Return the recording, with attitude and rates turned back if their sensor is mounted at an angle.
 
     Args:
         vehicle: Vehicle file.
