@@ -1,8 +1,9 @@
 """Attitude sensor that is mounted at an angle to the vehicle.
 
-Pose and velocity show only the angle between attitude sensor and DVL.  Thrust and weight show which of the two
-is turned against the vehicle.  So the vehicle is fitted twice: to the log with attitude and rates turned back,
-and with the DVL turned.  If the first fit has the smaller residual, the diagnosis continues with that log.
+Pose and velocity show only the angle between attitude sensor and DVL.  Thrust and weight show which of the
+two is turned against the vehicle.  So the vehicle is fitted twice: to the log with attitude and rates turned
+back, and with the DVL turned.  If the first fit has the smaller residual, the diagnosis continues with that
+log.
 """
 
 from __future__ import annotations
