@@ -206,14 +206,15 @@ class CommandDelays:
         return cls(tuple(whole), tuple(part), tuple(slots), length)
 
     def parts(self, past: Any, u: Any) -> Iterator[tuple[float, Any]]:
-        """Yield the parts of a step between changes of delayed commands.
+        """Yield the parts of a step, in order, during which no delayed command changes.
 
         Args:
-            past: Past commands, in the order of `slots`.
-            u: Commands of this step.
+            past: Past commands in the order of `slots`, a CasADi vector with one entry per slot.
+            u: Commands of this step, a CasADi vector with one entry for each of the n thrusters.
 
         Yields:
-            Length of the part [s], and the command of each thruster that acts during the part.
+            Length of the part [s], and the commands that act during it after their delays, a CasADi column
+            (n, 1).  The lengths add up to `length`.
         """
         import casadi as ca
 

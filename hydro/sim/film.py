@@ -202,8 +202,12 @@ class Camera:
 
         Args:
             pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (7,).
-            pillars: North and east of the axes of the pillars, (P, 2) [m], at most as many as in the room.
+            pillars: North and east of the axes of the pillars, (P, 2) [m]; P is at most the number of pillars
+                with which the camera's scene was built, `Room.pillars`.  Unused ones are out of sight.
             target: Target of the vehicle, (3,), NED [m].
+
+        Raises:
+            ValueError: There are more pillars than the scene has.
         """
         data, view = self._data, self._view
         data.qpos[:], data.qvel[:] = states.coordinates(pose, np.zeros(6))

@@ -174,12 +174,16 @@ def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Return the change with the most evidence, or that which removes the most held-out error.
+    """Name the one change that the recording shows best; without one, the result has no findings.
 
-    Where no change can be named, the result has no findings.
+    Candidates are ranked by evidence with the hull force free if the file has drag and the best evidence is
+    at least LEAST_EVIDENCE.  Otherwise they are ranked by their score, the share of the held-out error that
+    they remove beyond what they absorb (`Rival.score`).
 
-    Values that physics excludes show that an effect stands for another.  Then the next best with plausible
-    values is named, if its score is at least NEARLY_EQUAL of the first one's.
+    A candidate whose score is below MATERIAL is passed over.  So is one with values outside their plausible
+    range, because it stands for another effect.  The next best is then named if it has at least NEARLY_EQUAL
+    of the evidence or score, whichever ranks them, of the one passed over.  If all that qualify have
+    implausible values, the first of them is named.
 
     Args:
         baseline: Vehicle file and shots.

@@ -148,11 +148,15 @@ def selected(
 def searched(
     baseline: Baseline, progress: Progress, provisional: Told | None = None
 ) -> tuple[Search, Outcome]:
-    """Search for missing effects from the refitted values, or from the file's values if no model fits.
+    """Search for missing effects from the refitted values, then from the file's values if no model fits.
 
-    Without the missing effect, refitted values may run away and no step leads back from them.  So where the
-    first effect that joins leaves a residual above FAR_FROM_NOISE, the file's values are tried before a
-    second joins.  The second search is returned only if it fits.
+    Without the missing effect, refitted values may run away and no step leads back from them.  A model fits
+    if its mean squared residual is at most RIGHT times the noise variance.
+
+    1. The first search starts from the refitted values.  If it fits, it is returned.  It pauses if its first
+       effect leaves more than FAR_FROM_NOISE times the noise variance.
+    2. Otherwise a second search starts from the file's values.  It is returned only if it fits.
+    3. Otherwise the first search is returned, continued if it had paused.
 
     Args:
         baseline: Vehicle file and shots.
@@ -160,7 +164,7 @@ def searched(
         provisional: Called with the best candidate after the first fits.
 
     Returns:
-        The better of the two searches, and its outcome.
+        The search by these rules, and its outcome.
     """
     first = Search(baseline, told=provisional)
     again = replace(first, from_file=True)

@@ -119,7 +119,12 @@ class Compared:
     def of(
         cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
     ) -> tuple[Compared, Model]:
-        """Weight the shots by the hull model's floor, with smaller weights of outliers.
+        """Prepare the shots after a change for the fits of candidate changes.
+
+        The shots are corrected for the hull force learnt before the change, so that what remains is due to
+        the change.  Their residuals are in units of the floor: the root mean square residual that the hull
+        model leaves on held-out stretches of the earlier recording.  Shots that the file predicts badly even
+        so get smaller weights (`robust`).
 
         Args:
             log: Recording after the change.
@@ -128,7 +133,8 @@ class Compared:
             vehicle: Vehicle file.
 
         Returns:
-            The recording, and the vehicle as a model without free components on the corrected shots.
+            The recording with its weights, whose `problem` has the shots as measured, and the vehicle file
+            as a model without free components, on the corrected shots.
         """
         problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
@@ -421,10 +427,15 @@ def fitted(
 
 
 def with_hull_response(compared: Compared, last: Model, model: Model) -> Model:
-    """Return a model refitted with the hull forces on the motion of the fitted vehicle, until convergence.
+    """Return a model refitted to shots that are corrected with the fitted vehicle's response to hull forces.
 
-    A vehicle of different mass or drag responds differently to the same hull force.  After a large change,
-    the correction with the last vehicle's response leaves several floors, which another effect would absorb.
+    The model was fitted to shots corrected with the response of `last`.  But a vehicle of different mass or
+    drag responds differently to the same hull force.  After a large change, this leaves residuals of several
+    times the floor (`Compared.of`), which another effect would absorb.
+
+    So correction and fit are repeated, at most QUICK_STEPS // 2 times, until a round lowers the cost to
+    no less than a share ALMOST_ALL.  A fit that diverges ends the rounds, too.  The result is the model of
+    the least cost, also without convergence.
 
     Args:
         compared: Recording after the change.

@@ -120,15 +120,17 @@ def _word(entry: Entry) -> str:
 
 
 def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> dict[str, tuple[str, ...]]:
-    """Return effects whose forces are combinations of those of the model's effects.
+    """Return effects outside a model whose forces are linear combinations of those of its free components.
 
-    An effect that also changes inertia is not an alias, because inertia shows in accelerations.
+    No recording can separate such an effect from the model's.  Parameters that change inertia, such as a dry
+    mass, are not compared, because inertia shows in accelerations.  An effect with only such parameters is no
+    alias.
 
     Args:
         model: Vehicle and its free components.
-        known: Effects of the model, which are not tested.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which the place of an effect that
-            is fixed in the world, such as a tether's anchor, is searched for.
+        known: Names of effects that are not tested: those that the model has already.
+        reach: Positions [m] and times [s] of the recording, (N, 4), near which the place of an effect
+            in the world is tried, such as a tether's anchor; None tries places near the origin of NED.
 
     Returns:
         The effects of the model that make up each alias, by the name of the alias.

@@ -481,7 +481,18 @@ class Search:
         return self.reconsider(further, part(progress, 0.8, 1.0))
 
     def reconsider(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Return an outcome without needless findings, and with better effects in the place of others."""
+        """Return a new outcome without needless findings, and with better effects in the place of others.
+
+        Each finding in turn is left out and the others are refitted.  It is needless if the squared residual
+        then rises too little for a finding (`Baseline.belongs`).  One that is needed competes again with the
+        effects outside the model, fitted together with the other findings; the least penalised cost wins.
+        The newest finding has just done so, and competes only if another was dropped.  The only one left of
+        several must be a finding about the baseline, too; a finding alone from the start is not tested.
+
+        Args:
+            outcome: Outcome of a search; not changed.
+            progress: Called with a short text and the share of the work done.
+        """
         model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
         for number, one in enumerate(outcome.found):

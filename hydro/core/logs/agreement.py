@@ -219,14 +219,17 @@ class Evidence:
         return np.asarray((self.travel(given.position) - moving) * _levels(given.position))
 
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """Return the residuals of both identities of each window, (W, 6) [m/s, rad/s].
+        """Return the residuals of both kinematic identities in each window, (W, 6) [m/s, rad/s].
 
-        The first three are of translation, the others of rotation.  A residual is 0 if the log does not
-        measure both sides of its identity.
+        Each is the change of the pose over a window, divided by its duration, minus the mean of the measured
+        velocity.  Columns 0-2: change of position minus mean of R v, along NED.  Columns 3-5: sum of the
+        rotation vectors from row to row minus mean of omega, along FRD.  A residual is 0 if the log lacks one
+        side of its identity; of a depth alone, so are north and east.
 
         Args:
             given: Map that reads the log.
-            rule: Rule of integration: `trapezoid`, `left` or `right`.
+            rule: Weights of the rows in the mean: `trapezoid` halves the first and the last, `left` leaves
+                out the last, `right` the first.
         """
         rotation = np.zeros((len(self.t), 3))
         if given.attitude is not None and given.rates is not None:

@@ -127,12 +127,15 @@ class Position(_Sensor, frozen=True):
 
 
 class Attitude(_Sensor, frozen=True):
-    """Attitude of the axes `body` in the axes `world`: Euler angles, or a quaternion.
+    """Attitude of the axes `body` in the axes `world`: either Euler angles, or a quaternion.
 
     `columns` are roll, pitch and yaw (rotations about x, y, z).  `order` names the rotations from world to
     body: ZYX rotates by yaw, then about the new y by pitch, then about the new x by roll.  `quaternion` are
-    four columns in the order of `layout`, which rotate vectors as given by `turns`.  `mount` rotates the axes
-    of a sensor that is mounted at an angle to the body's.
+    four columns in the order of `layout`, which rotate vectors as given by `turns`.
+
+    `mount` is for a sensor at an angle to the vehicle: it rotates the sensor's axes to the body's.  The
+    columns are then the attitude of the sensor, and `body` names the sensor's own axes (FRD: its forward,
+    right, down).
     """
 
     columns: tuple[Number, ...] | None = None

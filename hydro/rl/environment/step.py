@@ -92,14 +92,15 @@ def sense_kernel(
 def sense(
     k: int, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
-    """Write the observation of vehicle `k`.
+    """Write the observation of vehicle `k`; `rl.environment.observation` defines its order and units.
 
     Args:
         k: Index of the vehicle.
         senses: Sensors.
         motion: Motion of all vehicles; the rotation of row `k` is written.
         scenes: Tasks of all vehicles.
-        noise: Standard normal numbers (36,) of this vehicle; overwritten.
+        noise: Random numbers (36,), drawn by the caller: standard normal, plus any bias in standard
+            deviations.  They are scaled by the sensors' noise, and overwritten.
         nearest: Shortest sonar range without noise (N,) [m]; entry `k` is written.
         out: Observations (N, 36); row `k` is written.
     """

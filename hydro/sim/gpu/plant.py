@@ -74,7 +74,11 @@ class GpuPlant:
 
     @property
     def kind(self) -> Any:
-        """Index of each vehicle in the `pool`, (N,) int32 on the device; it may be written."""
+        """Index into the `pool` of the parameters of each vehicle, (N,) int32 on the device.
+
+        It may be written: from the next `reset` or `step`, a vehicle moves with the parameters of its new
+        index, from its present state.  Indices are not checked.  `pool` and `change` replace this array.
+        """
         return self._crafts.kind
 
     def pool(self, vehicles: Sequence[Vehicle]) -> None:

@@ -153,10 +153,11 @@ def condition_kernel(
 
     Args:
         wrench: Wrench, shape (6,) [N, N m].
-        nu: Velocity, shape (6,) [m/s, rad/s], in the frame of the wrench or its FRD/FLU mirror.
+        nu: Velocity, shape (6,) [m/s, rad/s], in FRD or FLU: only the squares of its components matter.
         parameters: `Conditioning.parameters()`, shape (9,).
         state: Low-passed wrench, shape (6,), changed in place; zero at the start.
-        counts: `steps`, `clipped` and `held_back`, shape (8,), changed in place.
+        counts: Numbers of steps as in `Counts`, shape (8,), increased in place: 0 all, 1-6 those in which
+            each axis was clipped, 7 those in which the dead band reduced the wrench.
         out: Conditioned wrench, shape (6,), written.
     """
     keep = parameters[KEEP]
