@@ -81,7 +81,7 @@ def test_readings_that_jump_away_and_back_are_found_and_bridged(rows, burst, siz
     assert np.abs(away).max() < 0.12  # six of the greatest noise, beside what the motion does in four rows
     assert not away[~truth].any()
     assert fault.columns == (column,)
-    assert f": {truth.sum()} row{'s' * (truth.sum() != 1)} (" in fault.message
+    assert f": {truth.sum()} {'row' if truth.sum() == 1 else 'rows'} (" in fault.message
     assert f"session a at {raw['t'][kept[0]]:.2f} s" in fault.message
 
 
