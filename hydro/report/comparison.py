@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import polars as pl
 
 from hydro.core.columns import DOF, POSE, VELOCITY, WRENCH
+from hydro.core.effects.wording import capital
 from hydro.core.evaluation.failure_regimes import ELSEWHERE, THROUGHOUT
 from hydro.core.evaluation.yardsticks import JUDGED, LEAST_SQUARES, LEVEL, ZERO
 from hydro.report import change, words, yardsticks
@@ -104,7 +105,7 @@ def worst(comparison: pl.DataFrame) -> Iterator[Text]:
     yield EMPTY
     yield Text("Where it fails most (share of the squared force error above the noise floor):", bold=True)
     for place, share, ratio in failures(comparison).head(WORST).select("place", "error", "ratio").rows():
-        yield Text(f"{_capital(place)}: {share}{relative(ratio)}.", indent=2)
+        yield Text(f"{capital(place)}: {share}{relative(ratio)}.", indent=2)
 
 
 def relative(ratio: float | None) -> str:
@@ -184,15 +185,10 @@ def headline(comparison: pl.DataFrame) -> str:
     if shown.is_empty():
         return "The model predicts this log to within its noise." if exact else worst_place(comparison)
     row = shown.row(-1, named=True)
-    far = "Over whole sessions" if row["horizon"] is None else _capital(words.horizon(row["horizon"]))
+    far = "Over whole sessions" if row["horizon"] is None else capital(words.horizon(row["horizon"]))
     error, floor = (f"{words.figure(row[name])} {row['unit']}" for name in ("error", "noise floor"))
     told = f"{far} the error of the model is {error}; the noise floor is {floor}."
     return f"The model predicts this log to within its noise. {told}" if exact else told
-
-
-def _capital(text: str) -> str:
-    """Return a text that begins with a capital letter."""
-    return text[:1].upper() + text[1:]
 
 
 def worst_place(comparison: pl.DataFrame) -> str:
@@ -201,7 +197,7 @@ def worst_place(comparison: pl.DataFrame) -> str:
     if ranked.is_empty():
         return ""
     place, share, ratio = ranked.select("place", "error", "ratio").row(0)
-    return f"{_capital(place)}: {share} of the unexplained squared error{relative(ratio)}."
+    return f"{capital(place)}: {share} of the unexplained squared error{relative(ratio)}."
 
 
 def _placed(comparison: pl.DataFrame, chosen: pl.Expr) -> pl.DataFrame:

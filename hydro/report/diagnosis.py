@@ -16,6 +16,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.status import in_words, percent
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sentences import sentence
+from hydro.core.effects.wording import capital
 from hydro.core.errors import listed
 from hydro.core.vehicle.description import Vehicle
 from hydro.report import words
@@ -140,7 +141,7 @@ def commands(frame: pl.DataFrame, about: Context) -> list[Following]:
     found: list[Following] = []
     for step in next_steps(frame, about.prediction):
         told = FLIP if step.action == CORRECT and about.reversed else step.words
-        label = f"{_capital(told)}:" if found else f"Next: {told}:"
+        label = f"{capital(told)}:" if found else f"Next: {told}:"
         if words_of := _command(step, about, alone=not found):
             found.append(Following(label, words_of))
     return found
@@ -252,7 +253,7 @@ def title(row: Mapping[str, Any], about: Context) -> str:
     template = names[row["verdict"]]
     if row["verdict"] == "suspect" and about.vehicle.effects(row["effect"]):
         template = "New values of {effect}, unconfirmed"
-    return template.format(Effect=_capital(effect), effect=effect, Members=_capital(members))
+    return template.format(Effect=capital(effect), effect=effect, Members=capital(members))
 
 
 def said(row: Mapping[str, Any], about: Context) -> str:
@@ -346,7 +347,7 @@ def unseen(frame: pl.DataFrame, about: Context) -> Iterator[Text]:
     if more := len(names) - len(shown):
         shown.append(f"{more} more")
     yield EMPTY
-    motion, what = _capital(CATALOGUE[names[0]].excitation), "it" if len(names) == 1 else shown[0]
+    motion, what = capital(CATALOGUE[names[0]].excitation), "it" if len(names) == 1 else shown[0]
     told = f"Not visible in this log: {listed(shown)}. {motion} would show {what}"
     yield Text(f"{told}; --next-run FILE designs that run." if about.open and about.call else f"{told}.")
 
@@ -370,7 +371,7 @@ def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
             orient="row",
         )
         label = words.verdict(row)[0]
-        title = f"{_capital(effect)}: {label.lower()}" if effect else label
+        title = f"{capital(effect)}: {label.lower()}" if effect else label
         test = "" if row["p_value"] is None else f"{words.p_value(row['p_value'])}."
         told = (row.get("sentence"), test, words.sentence(row["advice"]))
         yield title, shown, " ".join(filter(None, told))
@@ -387,8 +388,3 @@ def fits(chi2: Sequence[float]) -> str:
         f"Reduced chi-square (1: noise alone): {given:.3g} of the file, {own:.3g} with its own effects "
         f"re-estimated, {found:.3g} with the findings added."
     )
-
-
-def _capital(text: str) -> str:
-    """Return a text that begins with a capital letter."""
-    return text[:1].upper() + text[1:]

@@ -10,6 +10,7 @@ import polars as pl
 
 from hydro.core.columns import UNITS
 from hydro.core.effects.catalogue import implausible
+from hydro.core.effects.wording import capital
 from hydro.core.evaluation.yardsticks import LEAST_SQUARES, column
 from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step
 from hydro.core.explanation.status import UNCONFIRMED, added
@@ -129,9 +130,7 @@ def errors(study: Outcome) -> Iterator[Text]:
         body.append([f"  {axis} [{unit}]", *(words.figure(one) for one in values)])
     yield from table(header, body)
     if both:
-        where = WHERE[dataset]
-        where = f"{where[:1].upper()}{where[1:]}"
-        yield Text(f"{where}; corrected: the file of step {study.chosen.number}.")
+        yield Text(f"{capital(WHERE[dataset])}; corrected: the file of step {study.chosen.number}.")
 
 
 def _steps(study: Outcome) -> Iterator[Text]:
