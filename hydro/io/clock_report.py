@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import msgspec
 import polars as pl
+import polars.selectors as cs
 
-from hydro.core.cleaning.readiness import LEAST_COMMAND
+from hydro.core.cleaning.readiness import ran
 from hydro.core.columns import COMMAND
 from hydro.core.logs.delays import Offset, command_delay, sensor_offsets, shifted
 from hydro.core.logs.importing import Imported
@@ -133,14 +134,9 @@ def clocks(imported: Imported, follows: LogMap, declared: LogMap, travel: Mappin
         if one.plain:
             logs = tuple(shifted(log, follows, one.block, one.seconds) for log in logs)
     moving = msgspec.structs.replace(follows, rates=imported.meaning.rates) if derived else follows
-    delay = command_delay(logs, imported.times, imported.dt, moving) if _ran(imported.frame) else None
+    commands = imported.frame.select(cs.starts_with(COMMAND)).cast(pl.Float64).to_numpy()
+    delay = command_delay(logs, imported.times, imported.dt, moving) if ran(commands) else None
     return Clocks(tuple(found), delay, declared, late_commands(columns_of(declared.commands), travel))
-
-
-def _ran(frame: pl.DataFrame) -> bool:
-    """Return whether any thruster ran: whether a command exceeds that of a stopped one."""
-    drives = [frame[name].abs().max() for name in frame.columns if name.startswith(COMMAND)]
-    return any(isinstance(drive, float) and drive > LEAST_COMMAND for drive in drives)
 
 
 def _interval(one: Offset) -> str:

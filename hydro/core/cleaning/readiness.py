@@ -46,7 +46,7 @@ NOTHING = "nothing can be concluded about the vehicle"
 
 def unready(record: Recording) -> str:
     """Return in words why a recording shows nothing about the vehicle; empty if the recording is usable."""
-    runs, still, floats = ran(record), not moved(record), at_surface(record)
+    runs, still, floats = ran(record.commands), not moved(record), at_surface(record)
     if not runs and still:
         return f"the thrusters never ran and the vehicle did not move: {NOTHING}; record it under way"
     if still:
@@ -83,9 +83,13 @@ def require_ready(record: Recording) -> None:
         raise DataError(why)
 
 
-def ran(record: Recording) -> bool:
-    """Return whether any thruster ran; True for a recording without command columns."""
-    return not record.commands.shape[1] or bool((np.abs(record.commands) > LEAST_COMMAND).any())
+def ran(commands: Array) -> bool:
+    """Return whether any thruster ran; True without thrusters.
+
+    Args:
+        commands: Commands of n thrusters in N rows, (N, n); NaN where there is none.
+    """
+    return not commands.shape[1] or bool((np.abs(commands) > LEAST_COMMAND).any())
 
 
 def moved(record: Recording) -> bool:
