@@ -60,7 +60,7 @@ class FreeLaw:
             flat = both.reshape(len(both), -1, both.shape[-1])
             flat[~(np.abs(flat) < ENDLESS).all(axis=(1, 2))] = 0.0
             begun.append(np.linalg.qr(flat[..., :CHANNELS])[0])
-            found.append(_without(begun[-1], flat[..., CHANNELS:]).astype(np.float32))
+            found.append(without(begun[-1], flat[..., CHANNELS:]).astype(np.float32))
         columns, thin = np.concatenate(found), thinning(shots)
         rows = columns.reshape(-1, prior.size)
         known = law.information / float((hull.floor**2).mean())
@@ -75,7 +75,7 @@ class FreeLaw:
         """
         count = flat.shape[-1]
         rows = flat.reshape(len(flat), -1, CHANNELS, count)[:, :: self.thin]
-        left = _without(self.begun, rows.reshape(len(flat), -1, count))
+        left = without(self.begun, rows.reshape(len(flat), -1, count))
         across = self.thin * np.tensordot(self.columns, left.astype(np.float32), axes=((0, 1), (0, 1)))
         follow = np.linalg.solve(self.whole, across)
         left = left - self.columns @ follow.astype(np.float32)
@@ -83,6 +83,6 @@ class FreeLaw:
         return np.asarray(self.thin * np.einsum("ski,skj->sij", left, left) + shared)
 
 
-def _without(begun: Array, columns: Array) -> Array:
-    """Return the part of columns (S, K, C) that orthonormal columns (S, K, 12) do not span."""
+def without(begun: Array, columns: Array) -> Array:
+    """Return the part of columns (S, K, C) that orthonormal columns `begun` (S, K, 12) do not span."""
     return np.asarray(columns - begun @ (begun.transpose(0, 2, 1) @ columns))

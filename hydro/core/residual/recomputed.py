@@ -16,7 +16,7 @@ from hydro.core.columns import Array
 from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.recording.shots import CHANNELS
-from hydro.core.residual.free_law import FreeLaw
+from hydro.core.residual.free_law import FreeLaw, without
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
@@ -100,5 +100,4 @@ class Recomputed:
         """Return residuals in units of the noise with the initial states eliminated, (S, K)."""
         error = self.hull.acting(vehicle, self.transitions).at_measured_states(vehicle).residuals(vehicle)
         flat = np.nan_to_num(error.reshape(len(error), -1), nan=ENDLESS, posinf=ENDLESS, neginf=-ENDLESS)
-        own = np.einsum("skc,sk->sc", self.beginnings, flat)
-        return np.asarray(flat - np.einsum("skc,sc->sk", self.beginnings, own))
+        return without(self.beginnings, flat[..., None])[..., 0]
