@@ -1,9 +1,9 @@
 """Study of the paper's claim that reinforcement learning with R_MLP diverges in all runs (V-C).
 
-One factor at a time is changed from a stated centre, and some pairs of factors (`cells.CELLS`).  Centre: 20
-minutes of Stonefish data (the bundled sample), labels without noise, accelerations as inputs, the paper's
-protocol, the paper's conditioning with beta as the weight of the new value, and a lead of 0.  Each cell has
-R_MLP and R_PhysFeat.  A seed, 0 to 4, determines the weights, the noise of the data and the training.
+One factor at a time is changed from a stated centre, and some pairs of factors (`cells.CELLS`).  The centre
+has 20 minutes of Stonefish data (the bundled sample), labels without noise, accelerations as inputs, and a
+lead of 0.  Protocol and conditioning are the paper's, with beta as the weight of the new value.  Each cell
+has R_MLP and R_PhysFeat.  A seed, 0 to 4, determines the weights, the noise of the data and the training.
 
 Definitions, fixed before the runs:
 

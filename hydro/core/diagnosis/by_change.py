@@ -152,7 +152,7 @@ class ByChange:
         return changes
 
     def is_open(self, changes: Changes) -> bool:
-        """Return whether the search for changes goes on.
+        """Return whether the search for changes continues.
 
         It does for the first change of an unchanged vehicle.  For a further change, more than the floor of
         the hull model must remain, and fewer than MOST_FINDINGS changes be found.
@@ -175,7 +175,7 @@ class ByChange:
         return Change.of(self.compared, last, contend(self.compared, last, names, here, first_fits))
 
     def belongs(self, changes: Changes, change: Change) -> bool:
-        """Return whether the best candidate of a step is large enough to be named beside `changes`."""
+        """Return whether the best candidate of a step is large enough to be named after `changes`."""
         return change.seen(further=self.further or bool(changes.found))
 
     def added(self, changes: Changes, change: Change) -> Changes:

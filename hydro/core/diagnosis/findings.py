@@ -224,7 +224,7 @@ class Diagnosis:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What a diagnosis file keeps beside its table: `chi2`, and `prediction` and `headline` if any."""
+        """Metadata of a diagnosis file: `chi2`, and `prediction` and `headline` if there are any."""
         kept: dict[str, Any] = {"chi2": [round(value, 4) for value in self.chi2]}
         if self.prediction is not None:
             kept[PREDICTION] = asdict(self.prediction)
