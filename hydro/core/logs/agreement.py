@@ -256,15 +256,8 @@ class Evidence:
         Args:
             given: Map that reads the log.
         """
-        moves, spins = tested(given)
-        found = np.full(2, SETTLED)
-        if moves and given.position is not None:
-            error, motion = _rms(self.translation(given, "trapezoid")), self.travelled(given.position)
-            found[0] = np.hypot(error, RESOLUTION[0]) / np.hypot(motion, RESOLUTION[0])
-        if spins and given.attitude is not None and given.rates is not None:
-            error = self.rotation_error(given.attitude, given.rates, "trapezoid")
-            found[1] = np.hypot(error, RESOLUTION[1]) / np.hypot(self.turned(given.attitude), RESOLUTION[1])
-        return found
+        shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
+        return np.where(tested(given), shares, SETTLED)
 
     def motion(self, given: LogMap) -> Array:
         """Return the root mean square rates of position [m/s] and attitude [rad/s], (2,).
