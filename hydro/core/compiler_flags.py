@@ -17,7 +17,10 @@ _HASH = hash(Flags())  # numba's hash of flags does not depend on their values
 
 
 class QuickFlags(Flags):  # type: ignore[misc]
-    """Flags that are equal if they compile an operation alike; only options that were set are compared."""
+    """Numba's compiler flags, equal to other flags that compile an operation alike, with a quick comparison.
+
+    Only options that were set are compared; options of a function's entry are ignored.
+    """
 
     __slots__ = ()
 
@@ -38,7 +41,7 @@ class QuickFlags(Flags):  # type: ignore[misc]
 
 
 def quicken(dispatcher: Any) -> None:
-    """Change a kernel's dispatcher so that it compiles with `QuickFlags`.
+    """Change a kernel's dispatcher in place so that it compiles with `QuickFlags`.
 
     Args:
         dispatcher: Numba's dispatcher of the kernel.  A plain function stays as it is; with NUMBA_DISABLE_JIT

@@ -58,9 +58,9 @@ class Buoyancy(_Part, frozen=True):
 
 
 class Hull(_Part, frozen=True):
-    """Sides of the hull's box [m] and its `center` [m] from CO; optionally the file of a triangulated mesh.
+    """Box around the hull: lengths of its sides [m], and its `center` [m] from CO.
 
-    The mesh file is next to the vehicle file.
+    Optionally, `mesh` names the file of a triangulated surface of the hull, next to the vehicle file.
     """
 
     length: Positive
@@ -71,7 +71,7 @@ class Hull(_Part, frozen=True):
 
 
 class Battery(_Part, frozen=True):
-    """Nominal supply `voltage` [V] of the thrusters, for recordings without a voltage."""
+    """Battery of the thrusters: nominal supply `voltage` [V], used for recordings without a voltage."""
 
     voltage: Positive
 
@@ -109,14 +109,15 @@ class Thruster(_Part, frozen=True):
 
     @property
     def pushes(self) -> bool:
-        """Whether the command drives a thruster and not a servo."""
+        """Whether the command drives a thruster; False for the servo of a fin (`curve = "none"`)."""
         return self.curve != "none"
 
 
 class Vehicle(_Part, frozen=True):
-    """Vehicle file.  `effect` holds one table per physical effect, with the catalogue's names.
+    """Content of a vehicle file.  `effect` holds one table per physical effect, with the catalogue's names.
 
-    In memory, several effects of the same catalogue name have distinct names, see `told_apart`.
+    In memory, several effects of the same catalogue name have distinct names, such as
+    `control_surface:rudder` (`told_apart`).
     """
 
     name: Name
@@ -130,18 +131,22 @@ class Vehicle(_Part, frozen=True):
     effect: tuple[dict[str, Any], ...] = ()
 
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
-        """Return the `[[effect]]` tables with a given name, either a name in this file or in the catalogue.
+        """Return the `[[effect]]` tables with a given name, in the order of the file.
+
+        Empty if there are none.
 
         Args:
-            name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
+            name: `control_surface:rudder` for one effect, `control_surface` for all effects with this name in
+                the catalogue.
         """
         return tuple(entry for entry in self.effect if name in called(entry))
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the distinct names in this file of the effects that are called by a name.
+        """Return the distinct names in this file of all effects with a given name; empty if there are none.
 
         Args:
-            name: Name in the catalogue, such as `control_surface`, or in this file.
+            name: Name in the catalogue, such as `control_surface`, or in this file, such as
+                `control_surface:rudder`.
         """
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
@@ -149,17 +154,18 @@ class Vehicle(_Part, frozen=True):
         """Return a copy of the vehicle without the effects of a given name.
 
         Args:
-            name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
+            name: `control_surface:rudder` for one effect, `control_surface` for all effects with this name in
+                the catalogue.
         """
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
 
 
 def require_names(vehicle: Vehicle) -> None:
-    """Raise an error if the vehicle or a thruster has a name that violates the rule of `vehicle.names`.
+    """Raise an error if the name of the vehicle or of a thruster has characters that no name may have.
 
     Raises:
-        DataError: A name is invalid; the message starts with the path in the vehicle file.
+        DataError: A name is invalid; the message starts with its path in the vehicle file and gives the rule.
     """
     thrusters = {f"thruster[{index}].name": one.name for index, one in enumerate(vehicle.thruster)}
     names.require({"name": vehicle.name, **thrusters})
@@ -173,18 +179,20 @@ def catalogue_name(name: str) -> str:
 def called(table: Mapping[str, Any]) -> tuple[str, str]:
     """Return the name of an effect in its vehicle, and its name in the catalogue.
 
+    Example: `control_surface:rudder` and `control_surface`.
+
     Args:
-        table: `[[effect]]` table.
+        table: `[[effect]]` table of the effect.
     """
     name = str(table.get("name"))
     return name, catalogue_name(name)
 
 
 def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return a unique name for each effect of a vehicle file.
+    """Return a unique name for each effect of a vehicle file, in the order of the effects.
 
     An effect with a label is `NAME:LABEL`; several effects of one name without labels are `NAME:1`, `NAME:2`
-    in order.
+    in order.  Any other effect keeps its name.
 
     Args:
         tables: `[[effect]]` tables of the file.
