@@ -135,7 +135,7 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
         out: Output: state one row later, (31,).
         phi: Output: transition matrix of the error, (30, 30).  It must hold the identity before; not all
             entries are written.
-        R: Output: rotation from body to world halfway between the rows, row-major, (9,).
+        R: Output: rotation from body to world halfway between the rows, (3, 3).
     """
     R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
     S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -186,7 +186,7 @@ def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: N
 
     Args:
         axis: Number of the axis, 0 to 5.
-        R: Rotation from body to world halfway between two rows.
+        R: Rotation from body to world halfway between two rows, (3, 3).
         entry: Output (6,): indices of the entries, nu'' of the axis first, then nu', nu and the pose.
         share: Output (6,): gain from the noise to each entry.
         times: Output (6,): number of integrations from nu'' to each entry.
