@@ -160,8 +160,7 @@ class _Search:
         return np.array([np.maximum(values[half].sum(axis=0), 0.0) for half in self.halves])
 
     def forget(self, axis: int) -> None:
-        """Discard the stored result of an axis, since the remaining error on the axis has changed.
-        """
+        """Discard the stored result of an axis, since the remaining error on the axis has changed."""
         self.known.pop(axis, None)
 
     def best(self, left: Array) -> tuple[int, tuple[Condition, ...]] | None:

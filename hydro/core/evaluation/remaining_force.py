@@ -44,8 +44,7 @@ class Leftover:
     powers: tuple[float | None, ...] = (None,) * len(VELOCITY)
 
     def words(self) -> str:
-        """Return a phrase with the missing wrench's main axis, its place and its growth with speed.
-        """
+        """Return a phrase with the missing wrench's main axis, its place and its growth with speed."""
         if self.axis is None:
             return "the residual is noise in the forces: check the log's sensors"
         text = f"mostly {self.name} ({self.share:.0%} of it)"
