@@ -21,7 +21,10 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class Column(_Part, frozen=True):
-    """Column of the log; its value is `scale` times the cell plus `offset`, before any unit."""
+    """Column of the log; the value of a cell is `scale` times the number in the log plus `offset`.
+
+    The unit of the map applies afterwards.
+    """
 
     column: str
     scale: float = 1.0
@@ -29,7 +32,10 @@ class Column(_Part, frozen=True):
 
 
 class Command(Column, frozen=True):
-    """Column of a thruster; `reverse` if a positive command drives the thruster against its direction."""
+    """Command column of a thruster.
+
+    `reverse` if a positive command drives the thruster against its direction.
+    """
 
     reverse: bool = False
 
@@ -180,7 +186,7 @@ class Rates(_Sensor, frozen=True, rename={"source": "from"}):
 
 
 class PulseWidths(_Part, frozen=True):
-    """Pulse widths [us] of full astern, of rest, and of full ahead."""
+    """Pulse widths [us] of a speed controller: full astern (`min`), rest (`neutral`) and full ahead (`max`)."""
 
     min: Positive = 1100.0
     neutral: Positive = 1500.0
@@ -235,7 +241,7 @@ class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
 
 
 class Table(_Part, frozen=True):
-    """Table of a recording made of several files or topics, each with its own clock.
+    """One table of a recording that consists of several files or topics, each with its own clock.
 
     `files` is a pattern of file names, in which `{session}` is the name of the session.  `time` is the column
     of the table's clock, with its `unit`.  With `name`, other parts of the map call the table's columns
@@ -249,7 +255,10 @@ class Table(_Part, frozen=True):
 
 
 class LogMap(_Part, frozen=True, kw_only=True):
-    """Map file; position, attitude, velocity and rates are optional, one for each sensor of the log."""
+    """Content of a map file: the meaning of a log's columns.
+
+    Position, attitude, velocity and rates are optional, one block for each sensor of the log.
+    """
 
     time: Time = Time("time")
     position: Position | None = None
@@ -271,7 +280,7 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
 def named(source: Number) -> Column:
-    """Return the source of a map as a column; a name alone means scale 1 and offset 0."""
+    """Return a column that a map names, as a `Column`; a name alone means scale 1 and offset 0."""
     return source if isinstance(source, Column) else Column(source)
 
 
@@ -291,21 +300,21 @@ def conditions(given: Condition | tuple[Condition, ...]) -> tuple[Valid, ...]:
 
 
 def stretches(given: LogMap) -> tuple[Use, ...]:
-    """Return the parts of sessions that the map selects; an empty tuple if the whole log is used."""
+    """Return the parts of sessions that a map selects for the import; empty if the whole log is used."""
     return given.use if isinstance(given.use, tuple) else (given.use,)
 
 
 def beside(block: Sensor) -> tuple[str, ...]:
-    """Return the names of the columns that a sensor block needs besides those of its values.
+    """Return the names of columns that a sensor block uses in addition to those of its values.
 
-    They are the columns of `valid` and `per`.
+    They are the columns of `valid` (validity of samples) and `per` (divisor).
     """
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
 
 
 def blocks_of(given: LogMap) -> dict[str, Block]:
-    """Return the blocks of pose and velocity of a map, by name."""
+    """Return the blocks of pose and velocity that a map contains, by name, such as `position`."""
     every: dict[str, Block | None] = {name: getattr(given, name) for name in BLOCKS}
     return {name: block for name, block in every.items() if block is not None}
 
@@ -317,7 +326,11 @@ def sensors_of(given: LogMap) -> dict[str, Sensor]:
 
 
 def measured(block: Block) -> tuple[Column, ...]:
-    """Return the columns of a block of pose or velocity, with scale and offset, in the block's own order."""
+    """Return the columns of a block's values with scale and offset, in the block's order.
+
+    Args:
+        block: Block of pose or velocity of a map.
+    """
     taken: list[Number] = list(block.columns or ())
     if isinstance(block, Attitude):
         taken += block.quaternion or ()
