@@ -56,7 +56,7 @@ class AxisFaults:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Copies of the faults with messages for a corrected table, which say that the correction is assumed."""
+        """The faults with messages for a corrected table, which say that the correction is assumed."""
         return tuple(
             replace(one, message=f"{one.message}; all else here is reported as if it were so")
             for one in self.wrong

@@ -186,7 +186,7 @@ class Rates(_Sensor, frozen=True, rename={"source": "from"}):
 
 
 class PulseWidths(_Part, frozen=True):
-    """Pulse widths [us] of a speed controller: full astern (`min`), rest (`neutral`) and full ahead (`max`)."""
+    """Pulse widths [us] of a speed controller: full astern (`min`), rest (`neutral`), full ahead (`max`)."""
 
     min: Positive = 1100.0
     neutral: Positive = 1500.0

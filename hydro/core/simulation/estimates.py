@@ -115,7 +115,7 @@ class Estimates:
         return cls(entries, np.array(frame["correlation"].to_list(), float) * np.outer(errors, errors))
 
     def of_effects(self, names: Sequence[str]) -> Estimates:
-        """Return a new set with the estimates of the named effects alone, and their part of the covariance."""
+        """Return a new set with the estimates of the named effects alone, and their covariance."""
         kept = [i for i, entry in enumerate(self.entries) if entry.effect in names]
         return Estimates(tuple(self.entries[i] for i in kept), self.covariance[np.ix_(kept, kept)])
 
