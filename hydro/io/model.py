@@ -107,14 +107,14 @@ def to_artefact(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
 ) -> Artefact:
-    """Return the model as a table of tensors with provenance; the same model gives the same bytes.
+    """Return a network as a table of tensors with provenance; the same network gives the same bytes.
 
     Args:
-        model: The model.
-        stage: Name of the command that made the model.
+        model: The network.
+        stage: Name of the command that made the network.
         parameters: Parameters of that command, besides inputs and seed; JSON values.
         seed: Seed of the training.
-        inputs: Tables from which the model was made.
+        inputs: Tables from which the network was made.
 
     Raises:
         DataError: A tensor is not finite, or not of a floating-point type.
@@ -145,7 +145,7 @@ def to_artefact(
 
 
 def from_artefact(artefact: Artefact) -> Model:
-    """Return the model of an artefact of kind `model`.
+    """Return the network that a table of tensors (an artefact of kind `model`) contains.
 
     Raises:
         DataError: The footer does not describe a model, or a tensor does not fit its shape.
@@ -175,11 +175,11 @@ def from_artefact(artefact: Artefact) -> Model:
 
 
 def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
-    """Return the description of a network in the footer of its table, as a checked struct.
+    """Return the description of a network from the footer of its table, as a checked struct.
 
     Args:
         artefact: Table of tensors.
-        kind: Struct that the footer must match.
+        kind: Struct type that the footer must match.
         remedy: Remedy in the error message.
 
     Raises:

@@ -13,7 +13,7 @@ Rows = npt.NDArray[np.intp]
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
-    """Part of a schema file; an unknown key is an error, because it would be a rule without a check."""
+    """Base class of the parts of a schema file; an unknown key is an error, since nothing would check it."""
 
 
 _POLARS: dict[str, pl.DataType] = {
@@ -40,7 +40,7 @@ class Constraints(Part, frozen=True):
 
 
 class Field(Part, frozen=True):
-    """One column, or several with `repeat`: description, unit, frame and source."""
+    """Rules of one column of a table, or of several numbered columns with `repeat`."""
 
     name: str
     type: str
@@ -61,7 +61,7 @@ class Field(Part, frozen=True):
 
     @property
     def widest(self) -> pl.DataType:
-        """Last of the accepted types."""
+        """Polars type of the column that can hold most values: the last of the accepted types."""
         return _POLARS[self.arrow_type[-1]]
 
     @property
@@ -71,7 +71,7 @@ class Field(Part, frozen=True):
 
 
 def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Yield each rule that a column breaks, as a pair of its name and the indices of the rows that break it.
+    """Yield each rule that a column breaks, with the indices of the rows that break the rule.
 
     Args:
         field: Rules of the column.

@@ -132,7 +132,7 @@ def against(number_: int, gain: float, error: float, before: float) -> Thrust:
 
 
 def file_gains(case: Case) -> list[tuple[int, float]]:
-    """Return pairs of the index (from 0) of each thruster and its gain in the vehicle file, without servos."""
+    """Return pairs of each thruster's index (from 0) and gain in the vehicle file, without servos."""
     count = len(case.vehicle.thruster)
     key = "common" if "common" in (case.before or {}) else "g"
     gains = case.of_file(key, (count,)).tolist()

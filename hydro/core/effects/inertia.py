@@ -110,7 +110,7 @@ def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def coriolis_sentence(case: Case) -> str:
-    """Return a sentence on the fitted Coriolis force of the added mass, in percent of the theoretical force."""
+    """Return a sentence on the fitted Coriolis force of the added mass, in percent of its theory."""
     share = case.one("kappa").times(100.0)
     subject = "the Coriolis force of the added mass (Munk moment)"
     if not share.clear:

@@ -67,7 +67,7 @@ def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def states(p: Array) -> int:
-    """Return the number of internal states of fluid memory, six for each decay rate, from the parameters `p`."""
+    """Return the number of internal states of fluid memory from its parameters `p`: six per decay rate."""
     return 6 * (p.size // 7)
 
 
@@ -134,7 +134,7 @@ def memory_sentence(case: Case) -> str:
 
 
 def rates_of(case: Case) -> int:
-    """Return the number of decay rates of the fluid memory, in the fitted table or else in the vehicle file."""
+    """Return the number of decay rates of the fluid memory, as fitted or else as in the vehicle file."""
     given = case.values.get("rates", (case.before or {}).get("rates", (0.0,)))
     return len(given) if hasattr(given, "__len__") else 1
 

@@ -164,7 +164,7 @@ def valued(entry: Entry) -> str:
 
 
 def without_error(entry: Entry) -> str:
-    """Return the value of a component as text, with unit and words, without error: `3 N s/m in heave`."""
+    """Return the value of a component as text, with unit and words: `3 N s/m in heave`."""
     return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
 
 

@@ -364,7 +364,7 @@ class Effect:
 
     @property
     def description(self) -> str:
-        """Docstring of the function with the effect's equation, without the last paragraph on its arguments."""
+        """Docstring of the function with the effect's equation, without the paragraph on its arguments."""
         for function in (self.kernel, self.inertia, self.flow, self.actuator, self.sensor):
             if function is not None:
                 return CALLED.sub("", inspect.getdoc(function) or "")

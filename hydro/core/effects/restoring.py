@@ -336,7 +336,7 @@ def in_water(force: float, error: float, vehicle: Vehicle) -> str:
 
 
 def buoyancy_sentence(case: Case) -> str:
-    """Return a sentence that states by how much the vehicle is lighter or heavier in water than in the file."""
+    """Return a sentence that states by how much the vehicle is lighter or heavier than in the file."""
     lift = case.one("dB")
     if not lift.clear:
         return undetermined(case, "the added buoyancy", lift.text("N"))

@@ -313,7 +313,7 @@ def scale_sentence(case: Case) -> str:
 
 
 def scales(case: Case) -> list[Quantity]:
-    """Return the scale errors of the DVL on three axes, even where fit or file give one number for all axes."""
+    """Return the scale errors of the DVL on three axes, also where one number holds for all axes."""
     form = "axes" if "axes" in case.values or "s" not in case.values else "s"
     old = "axes" if "axes" in (case.before or {}) else "s"
     before = case.of_file(old, (3,)).tolist()
