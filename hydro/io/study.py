@@ -1,4 +1,8 @@
-"""Folder of a study: the files of every step of `hydro explain`, which adds one effect per step."""
+"""Folder of a study: the files of every step of `hydro explain`, which adds one effect per step.
+
+A step is up to date if its rows of the ladder and its files exist, and their hashes match the inputs.  The
+ladder is written last.
+"""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def valued(entry: Entry) -> str:
-    """Return the value of a component as text, with unit, standard error and words: `3 N s/m (±1) in heave`."""
+    """Return the value of a component as text, with its error and words: `3 N s/m (±1) in heave`."""
     return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
 
 

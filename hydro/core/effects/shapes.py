@@ -1,4 +1,8 @@
-"""Trial shapes of an effect: linear in one parameter with all others held, or changed by a finite size."""
+"""Trial shapes of an effect: linear in one parameter with all others held, or changed by a finite size.
+
+A derivative at zero shows nothing of a threshold: no command lies within a dead band of zero width.  A change
+by an expected size is an informative column, so some such sizes are tried.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Predictions over a window of a recording, for a page that draws them anew at every change of a vehicle."""
+"""Predictions over a window of a recording, for a page that draws them anew at every change of a vehicle.
+
+Predictions of one length lie end to end along each segment and start from the smoothed measured motion, as in
+`evaluation.replay_error`; the last prediction of a segment is shorter.  Only those that reach into the window
+are computed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""Residuals of the two kinematic identities of a log, window by window, for any meaning of its columns."""
+"""Residuals of the two kinematic identities of a log, window by window, for any meaning of its columns.
+
+A reading is a map that states the frame, unit and sign of each column.  Whatever forces act, the body origin
+moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega) (Fossen 2011, sec. 2.2).  R is the
+rotation from body to world, v the velocity, and S(omega) the cross-product matrix of the angular velocity.
+
+Both are integrated over windows of a second, which averages out noise.  The change of the position is
+compared with the mean of R v, the turn of R with the mean of omega.  A wrong frame, unit or sign violates
+them by as much as the vehicle moves.  If a log lacks a sensor or the horizontal position, only the components
+with data on both sides are compared.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Detection of channels that hold estimates of a Kalman filter, which jump when the filter gets a sample."""
+"""Detection of channels that hold estimates of a Kalman filter, which jump when the filter gets a sample.
+
+A vehicle's position cannot jump.  A filter's estimate does: at each sample it moves by a part of the
+innovation.  Between two corrections it is the prediction of the filter's model, not a measurement.  Used as a
+measurement, its smooth rows would look like a sensor without noise, and its steps like speeds of many m/s. So
+only the rows right after the corrections are kept as samples.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Excitation: demanded wrenches that move a vehicle so that the recording shows its physics."""
+"""Excitation: demanded wrenches that move a vehicle so that the recording shows its physics.
+
+The method is that of Deep Hydro-Sim (Wu et al., section IV-A).  A collection is a list of sessions, each of
+one kind: single-axis sine sweeps in surge, sway, heave and yaw; coupled manoeuvres (circles, corkscrews,
+drift turns); Ornstein-Uhlenbeck walks on all axes; and the nine-segment, 90 s sequence of that paper's
+replay.  A demand is a share of the maximum wrench of the thrusters on that axis alone, so it fits any
+vehicle; `vehicle.control_allocation` converts demands to commands.
+
+All random numbers depend on the seed and the session's number only, not on the order of the work.
+"""
 
 from __future__ import annotations
 

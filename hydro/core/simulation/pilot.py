@@ -1,4 +1,7 @@
-"""Pilot: thruster commands computed row by row from the true state, from demanded wrenches and weak holds."""
+"""Pilot: thruster commands computed row by row from the true state, from demanded wrenches and weak holds.
+
+A hold is a weak controller of depth, roll, pitch or heading (`vehicle.control_allocation`).
+"""
 
 from __future__ import annotations
 

@@ -244,7 +244,7 @@ def _plausible(received: float, latest: float | None) -> bool:
 
 
 def is_telemetry(head: bytes) -> bool:
-    """Return whether a file's first bytes `head` are a time in this century and the start of a MAVLink frame."""
+    """Return whether the first bytes `head` of a file are a time in this century and a MAVLink frame."""
     if len(head) < 9 or head[8] not in (0xFD, 0xFE):
         return False
     return _plausible(struct.unpack(">Q", head[:8])[0] / _MICRO, None)

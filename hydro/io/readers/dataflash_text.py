@@ -23,7 +23,7 @@ def begins(head: bytes) -> bool:
 
 
 def dataflash_text(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a DataFlash text log, each with its topic and time, named as those of a `.bin`."""
+    """Yield the messages of a DataFlash text log, each with topic and time, as from a `.bin`."""
     os.environ.setdefault("MAVLINK_DIALECT", "ardupilotmega")
     from pymavlink.DFReader import DFReader_text
 

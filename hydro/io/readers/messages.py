@@ -41,7 +41,7 @@ class Selection:
         return self.columns is None or any(name.startswith(f"{topic}.") for name in self.columns)
 
     def takes_type(self, name: str) -> bool:
-        """Return whether a message type is to be read, by its own name or as an instance such as `name[1]`."""
+        """Return whether a message type is to be read, by its name or as an instance such as `name[1]`."""
         return self.takes(name) or any(each.startswith(f"{name}[") for each in self.columns or ())
 
 

@@ -50,7 +50,7 @@ class Spill:
         return place
 
     def take(self, place: int, into: Array) -> None:
-        """Read numbers from the file into the array `into`, from index `place` on, until the array is full."""
+        """Fill the array `into` with numbers from the file, from index `place` on."""
         self._file.seek(place)
         self._file.readinto(into.data.cast("B"))
 

@@ -215,7 +215,7 @@ class Tables:
         return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
 
     def values(self, name: str) -> Array:
-        """Return the numbers of one column in the order of its messages, (n,), over all topics that have it."""
+        """Return the numbers of one column in the order of its messages, (n,), over all its topics."""
         parts = [each.values(each.columns[name]) for each in self._buffers if name in each.columns]
         return np.concatenate([np.empty(0), *parts])
 

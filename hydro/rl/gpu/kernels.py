@@ -24,7 +24,7 @@ class Pool(NamedTuple):
 
     Attributes:
         poses: Initial poses (S, 7), see `sim.plant.Plant`.
-        goals: (S, 3), NED [m].
+        goals: Positions of the goals (S, 3), NED [m].
         pillars: x y of the pillars' axes (S, P, 2) [m], NaN in unused rows.
     """
 
@@ -48,7 +48,7 @@ class Starts(NamedTuple):
 
 
 class Allocation(NamedTuple):
-    """Thruster allocation; see `environment.action.allocate`."""
+    """Constants that convert actions to thruster commands; see `environment.action.allocate`."""
 
     allocation: Array
     table: Array
@@ -63,7 +63,7 @@ class Demands(NamedTuple):
 
 
 class View(NamedTuple):
-    """Observations and their noise.
+    """Output of the observation kernel, with the mask and the noise that it reads.
 
     Attributes:
         mask: Vehicles to observe (N,).
@@ -122,7 +122,15 @@ def command(crew: Allocation, demands: Demands) -> None:
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def observe(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
-    """Compute the observations of the vehicles of a mask."""
+    """Write the observations of the vehicles of a mask, one thread per vehicle.
+
+    Args:
+        senses: Sensors.
+        motion: Motion of all vehicles; the rotation is written.
+        scenes: Tasks of all vehicles.
+        episodes: State of all episodes; the nearest range is written.
+        view: Mask, noise and the observations to write.
+    """
     k = cuda.grid(1)
     if k < view.mask.size and view.mask[k]:
         sense(k, senses, motion, scenes, view.noise[k], episodes.nearest, view.out)

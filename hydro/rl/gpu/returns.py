@@ -24,7 +24,7 @@ class Transition(NamedTuple):
 
 
 class Horizon(Window[Transition]):
-    """Window of n-step returns for tensors."""
+    """Window over the last n steps that combines tensors into n-step transitions."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
         """Combine the first step with the later ones of its episode into one n-step transition."""
