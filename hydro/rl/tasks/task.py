@@ -136,7 +136,7 @@ class Task(ABC):
 
 
 def with_obstacles(task: Task, settings: Settings) -> Reward:
-    """Return the weights of the reward of a task with obstacles, including the costs of being close to them."""
+    """Return the weights of the reward of a task with obstacles, with the costs of being close to them."""
     given = settings.reward
     return replace(given, success=task.patience * given.success)
 

@@ -126,7 +126,7 @@ class Helix(Trajectory):
     name = "helix"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Return two rounds of a helix between random depths that fit into the tank, (CORNERS, 3), NED [m]."""
+        """Return two rounds of a helix between depths that fit into the tank, (CORNERS, 3), NED [m]."""
         round_ = _circle(settings, rng)[::2]
         twice = np.vstack([round_, round_])
         room = settings.world.depth - 2.0 * settings.task.margin
@@ -142,7 +142,7 @@ class Lemniscate(Trajectory):
     name = "lemniscate"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Return one round of the lemniscate along the tank, (CORNERS, 3), NED [m]."""
+        """Return one round of the lemniscate, long along the tank, (CORNERS, 3), NED [m]."""
         angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         half = rng.uniform(*settings.trajectory.half)
         return np.column_stack(
