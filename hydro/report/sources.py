@@ -30,7 +30,7 @@ STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 
 @dataclass(frozen=True)
 class Named:
-    """Artefact (table with provenance) and the file name that the user gave for it."""
+    """Artefact (table with provenance) together with the file name that the user gave for it."""
 
     name: str
     artefact: Artefact
@@ -43,7 +43,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Sources:
-    """Artefacts of a report by kind; comparisons and diagnoses in the order of their steps."""
+    """Artefacts of a report, sorted by kind; comparisons and diagnoses are in the order of their steps."""
 
     comparisons: tuple[Named, ...] = ()
     diagnoses: tuple[Named, ...] = ()
@@ -68,7 +68,7 @@ class Sources:
 
 
 def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
-    """Read folders of studies, single files and streams.
+    """Return the artefacts of a report, read from folders of studies, single files and streams.
 
     Args:
         places: Folders, Parquet files and binary streams.
