@@ -65,13 +65,13 @@ MOST_ORDERS = 400
 
 @dataclass(frozen=True)
 class Order:
-    """Order of the command columns, evaluated with all combinations of thruster signs.
+    """One assignment of the command columns to the thrusters, with evidence for all combinations of signs.
 
-    n is the number of thrusters, S that of combinations, M that of SCALES.
+    n is the number of thrusters, S that of combinations of signs, M that of the common scales SCALES.
 
     Attributes:
         column: Index of the column of each thruster, (n,).
-        signs: Combinations of signs, (S, n).
+        signs: Combinations of the thrusters' signs (1, or -1 if it pushes opposite to the file), (S, n).
         evidence: Unnormalised log posterior of each combination at each of SCALES, (S, M).
         prior: Logarithm of the prior probability of each combination, (S,).
     """
@@ -83,13 +83,13 @@ class Order:
 
     @cached_property
     def best(self) -> float:
-        """Unnormalised log posterior of the order of columns, summed over signs and scales."""
+        """Logarithm of the unnormalised posterior of this order of columns, summed over signs and scales."""
         return float(_summed(self.evidence.ravel()))
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior probabilities over all evaluated orders of columns and signs.
+    """Posterior probabilities over all evaluated orders of command columns and signs of thrusters.
 
     Attributes:
         orders: Orders sorted by probability, most probable first.
@@ -103,7 +103,10 @@ class Posterior:
         object.__setattr__(self, "_norm", float(_summed(np.array([order.best for order in self.orders]))))
 
     def wirings(self) -> list[tuple[Wiring, float]]:
-        """Return assignments of columns and signs, with probabilities above 0.001, most probable first."""
+        """Return pairs of an assignment of columns with signs, and its probability, most probable first.
+
+        Assignments with a probability below 0.001 are left out.
+        """
         found = []
         for order in self.orders:
             chances = np.exp(_summed(order.evidence) - self._norm)
@@ -115,7 +118,7 @@ class Posterior:
     def turned(self, column: tuple[int, ...]) -> Array:
         """Return the probability that each thruster is reversed given an order of the columns, (n,).
 
-        It is 0 for an order that is far less likely than others.
+        The probabilities are 0 for an order that was not evaluated because it is far less likely than others.
 
         Args:
             column: Index of the command column of each thruster, from 0, (n,).
@@ -149,11 +152,16 @@ def _summed(logarithms: Array) -> Array:
 
 
 def effectiveness(found: Balance, column: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return effectivenesses (n,) in one order of the columns, of any sign, and their covariance (n, n).
+    """Return each thruster's effectiveness, its thrust relative to the file's, for one order of the columns.
+
+    A negative effectiveness means that the thruster pushes opposite to the file.
 
     Args:
-        found: Sufficient statistics of the regression.
+        found: Sufficient statistics of the regression of accelerations on thrusts.
         column: Index of the command column of each thruster, from 0, (n,).
+
+    Returns:
+        Effectivenesses, (n,), and their covariance, (n, n).
     """
     gram, score, _ = _Fit.of(found, column).summed()
     covariance = np.asarray(np.linalg.inv(gram + np.eye(len(gram)) / FREE**2), np.float64)
@@ -161,7 +169,7 @@ def effectiveness(found: Balance, column: tuple[int, ...]) -> tuple[Array, Array
 
 
 def posterior(found: Balance) -> Posterior:
-    """Return the posterior over orders of columns and signs; the orders come from a local search.
+    """Return posterior probabilities of orders of command columns and signs, from a local search of orders.
 
     Args:
         found: Sufficient statistics of the regression of accelerations on thrusts.

@@ -111,20 +111,20 @@ COUPLED = 0.5
 
 @dataclass(frozen=True)
 class Balance:
-    """Sufficient statistics of the regression in units of the noise, with nuisance terms integrated out.
+    """Sufficient statistics of a regression of accelerations on thrusts, all other forces integrated out.
 
-    n is the number of thrusters, K that of different thrust curves.
+    They are in units of the noise.  n is the number of thrusters, K that of different thrust curves.
 
     Attributes:
-        gram: Products of the thrust columns with one another, (6, K n, K n); column k n + j belongs to
-            command column j through thrust curve k.
-        score: Products of the thrust columns with the accelerations, (6, K n).
-        arms: Acceleration per newton of each thruster in the file, (6, n).
+        gram: Products of the thrust columns with one another, for each axis, (6, K n, K n); column k n + j is
+            the thrust that command column j gives through thrust curve k.
+        score: Products of the thrust columns with the accelerations, for each axis, (6, K n).
+        arms: Acceleration per newton of each thruster on each axis by the file, (6, n).
         kinds: Index of each thruster's thrust curve, (n,).
-        shown: Axes with measured accelerations, (6,).
+        shown: Whether the acceleration on each axis was measured, (6,).
         inertia: Relative standard errors of the file's inertia about its axes, (6,).
-        driven: Indices of the thrusters among the file's commands, servos excluded, (n,).
-        idle: Thrusters that did not run, (n,).
+        driven: Indices of the thrusters among the file's actuators, which include servos, (n,).
+        idle: Whether each thruster did not run, (n,).
         delay: Delay from command to motion [s].
     """
 
@@ -140,10 +140,10 @@ class Balance:
 
 
 def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> Balance | None:
-    """Return the sums of a regression of accelerations on the thrusts of the command columns.
+    """Return the sums of a regression of a recording's accelerations on the thrusts of its command columns.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: The vehicle, whose file gives the thrusters and all other forces.
         record: The recording.
         beside: Known wrench on the hull in addition to the forces of the file, at every row, (N, 6) [N, N m].
 
