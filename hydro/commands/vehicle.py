@@ -278,7 +278,7 @@ def _prompt(question: str, check: Callable[[str], Any] = str, default: str | Non
 
 
 def above_0(text: str) -> float:
-    """Return the positive, finite number in a text.
+    """Return the positive, finite number that a text contains.
 
     Raises:
         UsageError: The text is not such a number.

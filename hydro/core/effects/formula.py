@@ -66,8 +66,8 @@ def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
     coefficient is the force or moment with every factor equal to 1: at 1 m/s or 1 rad/s, 1 m deep.
 
     Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
-    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates; arguments
-    as in `layout`.
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     terms = int(p[0])
     amounts = 1 + ROW * terms

@@ -54,8 +54,8 @@ DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s
 def sensor_scale(p: Array, log: Array) -> None:
     """Reading (1 + s) v of the velocity v, with one scale error s or three: a wrong speed of sound.
 
-    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`; arguments
-    as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[SCALE] += p
 
@@ -63,8 +63,8 @@ def sensor_scale(p: Array, log: Array) -> None:
 def sensor_misalignment(p: Array, log: Array) -> None:
     """Reading R(alpha)^T v of the velocity v: the DVL is rotated by roll, pitch, yaw alpha (ZYX).
 
-    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`; arguments
-    as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[ANGLES] += p
 
@@ -72,8 +72,8 @@ def sensor_misalignment(p: Array, log: Array) -> None:
 def sensor_delay(p: Array, log: Array) -> None:
     """Reading of the time t - d, stamped t, with the delay d: averaging and transmission.
 
-    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`; arguments
-    as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[DELAY] += p[0]
 
@@ -81,8 +81,8 @@ def sensor_delay(p: Array, log: Array) -> None:
 def sensor_lever_arm(p: Array, log: Array) -> None:
     """Reading v + omega x r of the velocity v: the DVL is at the lever arm r from its assumed place.
 
-    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`; arguments
-    as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[LEVER] += p
 
@@ -99,8 +99,8 @@ def reference_point(p: Array, log: Array) -> None:
 def sensor_bias(p: Array, log: Array) -> None:
     """Reading v + b of the velocity v, with a constant bias b in the DVL's axes.
 
-    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`; arguments
-    as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[BIAS] += p
 

@@ -50,8 +50,8 @@ def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     k max(0, distance - slack)^2, so it conserves energy.
 
     Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
-    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates; arguments
-    as in `layout`.
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     stiffness, slack = p[0], p[1]
     ax, ay, az = p[2], p[3], p[4]
