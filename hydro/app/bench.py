@@ -116,7 +116,11 @@ class Bench:
         return 0 if found is None else len(found.blocks.get("commands", {}).get("columns", ()))
 
     def show_step(self, number: int) -> None:
-        """Show the panel of a step, 1 to 5."""
+        """Show the panel of one of the workbench's five steps on the page.
+
+        Args:
+            number: Number of the step, 1 to 5.
+        """
         self.tab.step = number
         self.forget_problem()
         self.refresh()

@@ -17,9 +17,10 @@ _HASH = hash(Flags())  # numba's hash of flags does not depend on their values
 
 
 class QuickFlags(Flags):  # type: ignore[misc]
-    """Numba's compiler flags, equal to other flags that compile an operation alike, with a quick comparison.
+    """Flags with which numba compiles a kernel, with a quick test of equality.
 
-    Only options that were set are compared; options of a function's entry are ignored.
+    They equal other flags under which an operation compiles to the same code.  Only options that were set are
+    compared, without those that concern the entry of a function (`no_cpython_wrapper`, `no_cfunc_wrapper`).
     """
 
     __slots__ = ()

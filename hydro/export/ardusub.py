@@ -45,7 +45,13 @@ SITL sends hundreds of frames a second, and uses another port after a restart.
 
 @dataclass(frozen=True)
 class Frame:
-    """Request of ArduPilot's SITL: frame rate [Hz], number of the frame, and servo outputs `pwm` [us]."""
+    """Request of ArduPilot's simulation interface (SITL) for one time step.
+
+    Attributes:
+        rate: Frame rate [Hz].
+        number: Number of the frame.
+        pwm: Servo outputs [us].
+    """
 
     rate: int
     number: int

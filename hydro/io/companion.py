@@ -49,7 +49,13 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Manifest(msgspec.Struct, frozen=True):
-    """List of all files, with format and version of the data."""
+    """List of all files of the companion distribution of recordings.
+
+    Attributes:
+        format: Name and version of the format.
+        version: Version of the data.
+        files: Path, size and hashes of each file.
+    """
 
     format: str
     version: str

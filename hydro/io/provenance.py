@@ -29,7 +29,15 @@ ROWS_IN_THREADS = 50_000
 
 
 class Before(TypedDict):
-    """Result of a comparison with an earlier recording, stored in a table; see `report.change`."""
+    """Entry in a table's footer on the recording from before a change, see `report.change`.
+
+    Attributes:
+        recording: Name of the recording.
+        given: Squared error with the vehicle file alone.
+        left: Squared error with the hull-force model.
+        network: Name of the network that is the hull-force model; absent without one.
+        learnt: Whether that network was trained on the recording; absent without a network.
+    """
 
     recording: str
     given: float

@@ -77,7 +77,12 @@ version is added.  A later version extends the same version of its parent, if th
 
 
 class Series(Part, frozen=True):
-    """Rule for time series in a table: rows of one `key` are contiguous, and `time` increases in them."""
+    """Rule for time series in a table.
+
+    Attributes:
+        key: Columns whose values name a series; its rows are contiguous.
+        time: Column that increases within a series.
+    """
 
     key: tuple[str, ...]
     time: str
@@ -100,7 +105,16 @@ class _File(Part, frozen=True):
 
 @dataclass(frozen=True)
 class Schema:
-    """Rules for one kind of table, including the fields of the table that it extends."""
+    """Rules for one kind of table, including the fields of the table that it extends.
+
+    Attributes:
+        kind: Name of the kind.
+        title: Title of the kind.
+        description: Description of the kind.
+        fields: Rules of the columns.
+        primary_key: Columns whose values together are different in every row.
+        series: Rule for time series; None for other tables.
+    """
 
     kind: str
     title: str

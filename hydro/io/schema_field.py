@@ -28,7 +28,17 @@ _POLARS |= {f"list<{name}>": pl.List(dtype) for name, dtype in _POLARS.items()}
 
 
 class Constraints(Part, frozen=True):
-    """Rules for the values of a column; numbers must also be finite."""
+    """Rules for the values of a column; numbers must also be finite.
+
+    Attributes:
+        required: Whether nulls are forbidden.
+        unique: Whether no value may occur twice.
+        minimum: Least number; None for no limit.
+        maximum: Greatest number; None for no limit.
+        min_length: Least number of characters of a text; None for no limit.
+        pattern: Regular expression that a text must match; None for none.
+        enum: Allowed texts; None for all.
+    """
 
     required: bool = False
     unique: bool = False
@@ -40,7 +50,20 @@ class Constraints(Part, frozen=True):
 
 
 class Field(Part, frozen=True):
-    """Rules of one column of a table, or of several numbered columns with `repeat`."""
+    """Rules of one column of a table, or of several numbered columns.
+
+    Attributes:
+        name: Name of the column; with `repeat` it contains the placeholder of the number.
+        type: Type in the schema file.
+        arrow_type: Accepted storage types, the widest last.
+        description: Description of the column.
+        unit: Unit; None for none.
+        frame: Coordinate frame; None for none.
+        source: Source of the definition; None for none.
+        repeat: Placeholder of the number in the names of repeated columns; None for one column.
+        optional: Whether the column may be absent.
+        constraints: Rules for the values.
+    """
 
     name: str
     type: str

@@ -14,7 +14,11 @@ AS_TEXT = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 @dataclass
 class Charts:
-    """Collection of the figures of a page, by place: one figure, or one for each choice of a selector."""
+    """Collection of the figures of a page, by place: one figure, or one for each choice of a selector.
+
+    Attributes:
+        held: Figures as JSON text, a list for each place by its name.
+    """
 
     held: dict[str, list[str]] = field(default_factory=dict)
 

@@ -18,9 +18,13 @@ RANKINGS_DRAWN = 2000
 
 
 class Agreement(NamedTuple):
-    """Kendall's tau-b of two rankings: 1 for equal, -1 for reversed, 0 for unrelated ones.
+    """Agreement of two rankings, as Kendall's tau-b.
 
-    `low` and `high` are the 95 % interval.  `p_value` is that of the hypothesis of no relation.
+    Attributes:
+        tau: Tau-b: 1 for equal rankings, -1 for reversed, 0 for unrelated rankings.
+        low: Lower end of the 95 % interval.
+        high: Upper end of the 95 % interval.
+        p_value: p-value of the hypothesis of no relation.
     """
 
     tau: float

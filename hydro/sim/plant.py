@@ -24,7 +24,15 @@ Snapshot = dict[str, NDArray[np.generic]]
 
 
 class Readings(NamedTuple):
-    """Readings of N simulated vehicles: the arrays `pose` to `diverged` of a `Plant`."""
+    """Readings of N simulated vehicles with n thrusters.
+
+    Attributes:
+        pose: (N, 7): x y z of CO [m], NED, and the quaternion (w, x, y, z) from FRD to NED with w >= 0.
+        velocity: u v w p q r of CO over ground, FRD, (N, 6) [m/s, rad/s].
+        specific_force: Reading of an accelerometer at CO, FRD, (N, 3) [m/s^2]; (0, 0, -g) when level at rest.
+        thrust: Thrusts (N, n) [N].
+        diverged: Whether a vehicle's state has become infinite, or greater than the simulator allows, (N,).
+    """
 
     pose: Array
     velocity: Array

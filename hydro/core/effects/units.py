@@ -20,7 +20,14 @@ Size = float | Callable[[Vehicle], float]
 
 
 class Dimension(NamedTuple):
-    """Powers of kg, m, s and rad in a unit; kg is `mass`."""
+    """Dimension of a unit as powers of the base units.
+
+    Attributes:
+        mass: Power of kg.
+        length: Power of m.
+        time: Power of s.
+        angle: Power of rad.
+    """
 
     mass: int = 0
     length: int = 0

@@ -39,7 +39,13 @@ class Sums(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """Model, dataset and variant to which errors belong: columns of every row of a metrics table."""
+    """Subject of errors: the columns that are the same in all rows of its part of a metrics table.
+
+    Attributes:
+        model: Name of the model.
+        dataset: Name of the recording.
+        variant: Name of a regime of motion or of a way of computing; empty for none.
+    """
 
     model: str
     dataset: str

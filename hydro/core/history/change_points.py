@@ -180,7 +180,7 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
 
 
 def inverse_trigamma(y: Array) -> Array:
-    """Return the positive x whose trigamma function is y > 0, elementwise, in the shape of y.
+    """Return the positive x for which the trigamma function has the value y > 0, an array like `y`.
 
     Newton's method is applied to 1 / trigamma (Smyth 2004, appendix).
     """

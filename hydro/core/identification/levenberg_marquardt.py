@@ -372,6 +372,6 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
 
 
 def errors_of(normal: Normal) -> Array:
-    """Return the standard errors of the P parameters of a linearised problem, in units of their scales."""
+    """Return standard errors of a linearised problem's P parameters in units of their scales, (P,)."""
     count = normal.score.shape[1]
     return np.asarray(np.sqrt(np.diag(covariance(normal, np.full(count, PRIOR**-2)))))

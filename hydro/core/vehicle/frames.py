@@ -270,7 +270,7 @@ def swap_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def wrapped(angle: ArrayLike) -> Array:
-    """Return angles [rad] wrapped to (-pi, pi]."""
+    """Return angles wrapped to (-pi, pi] [rad], in the shape of the given angles [rad]."""
     return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2.0 * np.pi))
 
 

@@ -60,7 +60,7 @@ class Residual(nn.Module):
 
 
 def function(name: str) -> Callable[[Tensor], Tensor]:
-    """Return an activation function by name.
+    """Return an activation function of torch, such as ReLU, by its name.
 
     Raises:
         ValueError: If the name is unknown.

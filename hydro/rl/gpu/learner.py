@@ -186,7 +186,11 @@ class DeviceLearner:
         return float(arrived.float().mean())
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """Return the moving average of the policy as a `Policy`, with a description of its training."""
+        """Return a `Policy` with the moving average of the weights in training.
+
+        Args:
+            training: Description of the training, stored with the policy.
+        """
         learnt = self._average.state_dict().items()
         weights = {name: each.cpu().numpy().copy() for name, each in learnt}
         return Policy(self.config.layers, self._encoding, weights, training)

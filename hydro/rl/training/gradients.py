@@ -25,7 +25,16 @@ NOT_COMPUTED = math.nan
 
 
 class Values(NamedTuple):
-    """Losses of an update and quantities of its state, scalars each; `training.sac.Losses` defines them."""
+    """Losses of an update of soft actor-critic, and quantities that describe its state; scalars.
+
+    Attributes:
+        critic: Mean squared error of both critics, summed.
+        actor: Mean of alpha log pi - Q, with the policy's density pi and the smaller critic's value Q.
+        temperature: Loss of alpha, the factor of the entropy.
+        alpha: Temperature.
+        entropy: Entropy of the policy on the batch [nats].
+        value: Mean of the smaller critic at the policy's actions.
+    """
 
     critic: Tensor
     actor: Tensor

@@ -97,7 +97,13 @@ def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
 
 
 class EncodedPolicy(nn.Module):
-    """Policy as one torch module that takes observations in SI units (N, O) and returns actions (N, A)."""
+    """Policy as one torch module that takes observations in SI units (N, O) and returns actions (N, A).
+
+    Attributes:
+        scale: Typical size of each observation, in the unit of the observation, (O,).
+        fades: Mask of the ranges, whose inputs are exp(-x/scale); all other observations are divided by their
+            scale, (O,).
+    """
 
     scale: Tensor
     fades: Tensor

@@ -254,7 +254,13 @@ class Folder:
 
 
 class Reached(TypedDict):
-    """Progress of a training as stored with a policy; newer policies also state `recipe` and `updates`."""
+    """Progress of a training as stored with a policy; newer policies also state `recipe` and `updates`.
+
+    Attributes:
+        steps: Number of control steps of all vehicles together.
+        task: Name of the task that the training has reached.
+        level: Level of the task.
+    """
 
     steps: int
     task: str
@@ -262,7 +268,14 @@ class Reached(TypedDict):
 
 
 class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Description of a policy in the footer of its table: layers, encoding and training; see `Policy`."""
+    """Description of a policy in the footer of its table.
+
+    Attributes:
+        widths: Widths of the network's hidden layers.
+        scale: Typical size of each observation, in the unit of the observation.
+        fades: Whether each observation x is a range, which the network gets as exp(-x/scale).
+        training: Progress of the training.
+    """
 
     widths: Annotated[tuple[models.Width, ...], msgspec.Meta(max_length=64)]
     scale: tuple[float, ...]

@@ -243,7 +243,11 @@ class Learner:
         return median(self._average.module, self._encoding(observations))
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """Return the moving average of the policy as a `Policy`, with a description of its training."""
+        """Return a `Policy` with the moving average of the weights in training.
+
+        Args:
+            training: Description of the training, stored with the policy.
+        """
         weights = {name: each.numpy().copy() for name, each in self._average.module.state_dict().items()}
         return Policy(self.config.layers, self._encoding, weights, training)
 

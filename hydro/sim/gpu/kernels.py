@@ -67,7 +67,11 @@ class Start(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """Commands (N, n) of N vehicles for the control step that starts."""
+    """Commands that N vehicles on a GPU follow in the control step that starts.
+
+    Attributes:
+        commands: Commands of n thrusters in [-1, 1], (N, n).
+    """
 
     commands: Array
 
