@@ -71,7 +71,7 @@ class Craft:
 
     @classmethod
     def read(cls, path: str | Path) -> Craft:
-        """Read a vehicle file and the covariance next to it.
+        """Return the vehicle of a file, with the file's text and the covariance next to it.
 
         Raises:
             DataError: The file is not a valid vehicle.

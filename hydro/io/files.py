@@ -64,7 +64,7 @@ def explained(name: str, error: OSError) -> DataError:
 
 
 def read_bytes(source: Source) -> bytes:
-    """Read all bytes of a file or stream.
+    """Return all bytes of a file or stream.
 
     Raises:
         DataError: The path cannot be read or is a device, or there are no bytes.

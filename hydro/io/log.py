@@ -149,7 +149,7 @@ class LogFile:
         return Log(self.name, pl.DataFrame(schema=dict.fromkeys(names, pl.Float64)), "")
 
     def read(self, wanted: Iterable[str] | None = None, progress: Reading | None = None) -> Log:
-        """Read the log; from messages, only the wanted columns.
+        """Return the content of the log; from messages, only the wanted columns.
 
         Args:
             wanted: Names of columns; None for all. A table is read whole.
@@ -231,7 +231,7 @@ def _spooled(stream: BinaryIO, folder: Path) -> Path:
 
 
 def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Path | None = None) -> Log:
-    """Read a log in any format that its first bytes identify.
+    """Return a log, read in any format that its first bytes identify.
 
     Args:
         source: File, folder of a ROS 2 recording, or binary stream.

@@ -45,7 +45,7 @@ def is_map(path: str | Path) -> bool:
 
 
 def read(path: str | Path) -> LogMap:
-    """Read a map file.
+    """Return the map in a map file.
 
     Raises:
         DataError: The file cannot be read or is not a map; the message has the key in the file.

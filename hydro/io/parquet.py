@@ -15,7 +15,7 @@ MAGIC = b"PAR1"
 
 
 def opened(content: bytes, name: str) -> pq.ParquetFile:
-    """Open a Parquet file that is already in memory.
+    """Return an open Parquet file, given its bytes in memory.
 
     Args:
         content: Bytes of the file.

@@ -127,7 +127,7 @@ def is_artefact(file: LogFile) -> bool:
 
 
 def read(file: LogFile, kinds: Sequence[str]) -> Artefact:
-    """Read a table of a recording, with its provenance.
+    """Return a table of a recording with its provenance, read from a file.
 
     Args:
         file: The file.

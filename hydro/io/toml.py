@@ -24,7 +24,7 @@ Struct = TypeVar("Struct", bound=msgspec.Struct)
 
 
 def read(path: str | Path) -> str:
-    """Read the text of a TOML file, without a byte order mark.
+    """Return the text of a TOML file, without a byte order mark.
 
     Raises:
         DataError: The file cannot be read, or is not text.

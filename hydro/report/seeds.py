@@ -105,7 +105,7 @@ def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return Kendall's tau between the rankings by two errors as a table, one row per axis.
+    """Return a new table of Kendall's tau between two rankings of the models, one row per axis.
 
     Args:
         metrics: Result of `ranking`.

@@ -488,7 +488,7 @@ class _Terms:
         known: Sequence[_Axis] | None = None,
         wanted: Sequence[int] = tuple(range(AXES)),
     ) -> list[_Axis]:
-        """Set up the regressions of axes at a current.
+        """Return the regressions of the accelerations on some axes at a given current.
 
         Args:
             current: Velocity of the water north and east, in addition to the file's current [m/s].

@@ -107,9 +107,10 @@ class Answers(NamedTuple):
 
     @classmethod
     def to_beginnings(cls, memory: Array, rows: int) -> Answers:
-        """Prepare responses of S shots to their initial states alone, without parameters.
+        """Return memory for the responses of S shots to their initial states alone, without parameters.
 
-        The output has the memory layout of `sensitivity.linearise`, so that numba compiles `shoot` only once.
+        The array for the responses has the memory layout of `sensitivity.linearise`, so that numba compiles
+        `shoot` only once.
 
         Args:
             memory: Initial internal states, (S, states).

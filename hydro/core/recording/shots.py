@@ -177,7 +177,7 @@ def make_shots(
     sigma: Array | None = None,
     most: int | None = None,
 ) -> Shots:
-    """Cut a recording into contiguous shots (short predictions).
+    """Return a recording cut into contiguous shots (short predictions).
 
     Keep some, evenly spread, if `most` limits them. After a gap, shots start half a second later if possible,
     since the thrust before is unknown.

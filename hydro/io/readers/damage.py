@@ -60,7 +60,7 @@ class Bounded(io.BufferedReader):
         self.size = os.stat(path).st_size
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read up to `size` bytes; by default all that remain."""
+        """Return up to `size` bytes of the file; by default all that remain."""
         if size is not None and size > _LARGE:
             size = max(0, min(size, self.size - self.tell()))
         return super().read(size)

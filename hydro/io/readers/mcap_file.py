@@ -140,7 +140,7 @@ _JSON = msgspec.json.Decoder()
 
 
 def decoded_json(raw: bytes) -> Any:
-    """Decode a JSON message, including NaN or Infinity, which Python's loggers write.
+    """Return the content of a JSON message, including NaN or Infinity, which Python's loggers write.
 
     Raises:
         ValueError: It is not JSON, or too long for a measurement.

@@ -52,7 +52,7 @@ class WrenchSettings:
                 raise UsageError(f"wrench.{name} is {value:g}; give 0 or more")
 
     def design(self, period: float) -> Design:
-        """Return the settings of the filter that estimates nu_dot, at a control step of `period` [s]."""
+        """Return the settings of the filter that estimates accelerations, with steps of `period` [s]."""
         return Design(period, (self.ratio,) * 6, (0.0,) * 6)
 
     def conditioning(self, name: str, vehicle: Vehicle) -> Conditioning:
