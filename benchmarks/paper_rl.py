@@ -5,6 +5,12 @@
         --vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml -o study
     # Keep its tables:
     python -m benchmarks.paper_rl study --commit COMMIT
+    # Likewise for the recipe of the paper, stage 1 only:
+    hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet
+        --vehicle datasets/stonefish/vehicle.toml --model mlp --model physfeat --condition R_PhysFeat
+        --condition R_MLP --condition R_0 --recipe paper --stages 1 --steps 500000 --seeds 3 --epochs 60
+        --episodes 50 -o slow
+    python -m benchmarks.paper_rl slow --recipe paper --commit COMMIT
 
 Of a study that was stopped, rows of steps that were not reached say so.
 """
@@ -25,11 +31,16 @@ from hydro.study import paper, paper_tables
 from hydro.study.paper_tables import NOT_RUN, PASSED, UNFINISHED
 from hydro.study.policies import Run
 
-COMMAND = (
+DATA = (
     "hydro study paper datasets/stonefish/sample.parquet --replay datasets/stonefish/replay90.parquet "
-    "--vehicle datasets/stonefish/vehicle.toml --given benchmarks/paper_given.toml --epochs 60 "
-    "--episodes 50 -o study"
+    "--vehicle datasets/stonefish/vehicle.toml"
 )
+COMMANDS = {
+    "sac": f"{DATA} --given benchmarks/paper_given.toml --epochs 60 --episodes 50 -o study",
+    "paper": f"{DATA} --model mlp --model physfeat --condition R_PhysFeat --condition R_MLP --condition R_0 "
+    "--recipe paper --stages 1 --steps 500000 --seeds 3 --epochs 60 --episodes 50 -o slow",
+}
+"""Command of the study of each recipe."""
 PLACES = {"kernels": "in kernels", "student": "in MuJoCo", "teacher": "in the reference simulator"}
 SURGE = {"MJ0": 1.784, "MJ1": 0.996, "MJ4": 0.998}
 """Root mean square errors of the surge velocity in Table III of the paper [m/s]."""
@@ -344,11 +355,18 @@ def _surge(replayed: pl.DataFrame) -> Verdict:
 
 
 def study_of(given: argparse.Namespace) -> paper.Study:
-    """Return the settings of the study in a folder."""
+    """Return the settings of the study in a folder, as its command in `COMMANDS` has them."""
     data = Path("datasets/stonefish")
-    return paper.Study(
+    found = paper.Study(
         given.folder, data / "sample.parquet", data / "replay90.parquet", data / "vehicle.toml",
         Path("benchmarks/paper_given.toml"), epochs=60, episodes=given.episodes,
+    )  # fmt: skip
+    if given.recipe == "sac":
+        return found
+    conditions = ("R_PhysFeat", "R_MLP", "R_0")
+    return replace(
+        found, given=None, networks=("mlp", "physfeat"), conditions=conditions, recipe="paper", stages=1,
+        steps=500_000, seeds=3,
     )  # fmt: skip
 
 
@@ -358,7 +376,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder of a study")
     parser.add_argument("--commit", required=True, help="commit of the measured code")
-    parser.add_argument("--command", default=COMMAND, help="command of the study")
+    parser.add_argument("--recipe", choices=list(COMMANDS), default="sac", help="recipe of the trainings")
+    parser.add_argument("--command", help="command of the study, if it is another than that of the recipe")
     parser.add_argument("--networks", help="command of the tables of networks, if it is another")
     parser.add_argument(
         "--continued",
@@ -374,14 +393,17 @@ def main() -> None:
     continued = {Path(folder): float(seconds) for folder, _, seconds in pairs}
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}
     begun = paper_tables.trainings(study).filter(pl.col("state") != NOT_RUN)
-    where = origin(begun, given.command, given.commit)
-    for name, rows in {
-        "paper_rl": trained(study, continued),
-        "paper_flights": flown(study, counted, continued),
-        "paper_differences": compared(study),
-        "paper_networks": errors(study),
-        "paper_claims": claims(study),
-    }.items():
+    where = origin(begun, given.command or COMMANDS[given.recipe], given.commit)
+    kept = {"paper_rl": trained(study, continued), "paper_flights": flown(study, counted, continued)}
+    if given.recipe == "paper":
+        kept = {name.replace("paper_", "paper_recipe_"): rows for name, rows in kept.items()}
+    else:
+        kept |= {
+            "paper_differences": compared(study),
+            "paper_networks": errors(study),
+            "paper_claims": claims(study),
+        }
+    for name, rows in kept.items():
         if rows:
             made_by = {"command": given.networks} if given.networks and name == "paper_networks" else {}
             keep(name, [row | where | made_by for row in rows])

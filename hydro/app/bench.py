@@ -56,9 +56,11 @@ class Bench:
         unfolded: Effects whose numbers are shown; None before they are first shown.
         saved: Descriptions of the saved files, the last one first.
         so_far: Label of the provisional answer.
+        table: Table of errors of step 2.
         folds: Whether each part of the panel that can be folded is unfolded.
         menus: State of the menus of step 1 when they were last drawn; empty before.
         refresh_below: Function that draws the part below the menus of step 1 again.
+        actions: Function of each button by its key, as `buttons.button` fills it.
     """
 
     def __init__(self, desk: Desk, tab: Tab) -> None:
@@ -70,6 +72,7 @@ class Bench:
         self.folds = dict[str, bool]()
         self.menus: tuple[Any, ...] = ()
         self.refresh_below: Callable[[], Any] = lambda: None
+        self.actions = dict[str, Callable[[], Any]]()
         self.window = (0.0, drawing.FIRST_WINDOW)
         self.refresh: Callable[[], None] = lambda: None
         self.refresh_error: Callable[[], None] = lambda: None
@@ -77,6 +80,7 @@ class Bench:
         self.unfolded: list[str] | None = None
         self.saved: list[str] = []
         self.so_far: ui.label | None = None
+        self.table: ui.html | None = None
         self._sliders = dict[str, Slider]()
         self._evaluating = self._again = False
         self._openings = 0

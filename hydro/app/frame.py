@@ -66,7 +66,7 @@ class Frame:
                 self.title = ui.label().classes("what")
                 with ui.element("div") as self.busy:
                     ui.label(LOADING).classes("busy")
-                self.error = ui.html("", sanitize=False).classes("error").mark("error")
+                self.error = ui.html("", sanitize=False).classes("error")
                 self.history = ui.element("div").classes("history")
             with ui.element("aside").classes("panel") as self.panel:
                 ui.label(LOADING).classes("hint")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -11,6 +12,7 @@ from nicegui import events, ui
 
 from hydro.app import panel_compare, panel_keep, panel_learn, panel_load, panel_tune
 from hydro.app.bench import Bench
+from hydro.app.buttons import button, press
 from hydro.app.frame import STEPS, Frame
 from hydro.report import words
 
@@ -71,15 +73,21 @@ class Layout:
     def refresh_error(self) -> None:
         """Show the error of the vehicle that the page shows."""
         self.frame.error.set_content(_error(self.bench))
+        if (table := self.bench.table) is not None and not table.is_deleted:
+            table.set_content(panel_compare.errors(self.bench))
 
     @ui.refreshable_method
     def _steps(self) -> None:
         with ui.element("nav").classes("steps"):
             for number, title in enumerate(STEPS, 1):
                 here = "here" if number == self.bench.tab.step else ""
-                ui.button(
-                    f"{number} {title}", on_click=lambda n=number: self.bench.show_step(n), color=None
-                ).props("flat dense no-caps").classes(here)
+                button(
+                    self.bench,
+                    f"{number} {title}",
+                    partial(self.bench.show_step, number),
+                    look="flat",
+                    color=None,
+                ).classes(here)
 
     def _history(self) -> None:
         self.undo, self.redo = (
@@ -102,7 +110,7 @@ class Layout:
         with ui.element("div").classes("busy"):
             self.spinner = ui.circular_progress(bench.share, show_value=False, size="20px")
             self.doing = ui.label(bench.busy).classes("doing")
-            ui.button("Cancel", on_click=bench.cancel).props("flat dense no-caps size=sm")
+            button(bench, "Cancel", bench.cancel, look="flat").props("size=sm")
 
     def _progress(self) -> None:
         if self.bench.busy and hasattr(self, "doing") and not self.doing.is_deleted:
@@ -176,7 +184,9 @@ class Layout:
     async def _do(self, event: events.GenericEventArguments) -> None:
         what, about = event.args
         bench = self.bench
-        if what == "rung":
+        if what == "press":
+            await press(bench, str(about))
+        elif what == "rung":
             await bench.go(int(about))
         elif what == "place":
             await bench.jump(str(about))

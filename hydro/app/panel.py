@@ -7,6 +7,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.buttons import button
 from hydro.app.frame import STEPS
 from hydro.app.live import Live
 
@@ -35,6 +36,4 @@ def onward(bench: Bench, step: int) -> None:
         bench: The workbench.
         step: Number of the step, 2 to 5.
     """
-    ui.button(f"Next: {step} {STEPS[step - 1]}", on_click=lambda: bench.show_step(step)).props(
-        "outline dense no-caps"
-    ).classes("next").mark("next")
+    button(bench, f"Next: {step} {STEPS[step - 1]}", lambda: bench.show_step(step)).classes("next")

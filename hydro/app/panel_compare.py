@@ -8,6 +8,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.buttons import button
 from hydro.app.panel import begun, onward
 from hydro.core.columns import DOF, UNITS, VELOCITY
 from hydro.report import words
@@ -25,12 +26,12 @@ def show(bench: Bench) -> None:
         horizons,
         value="whole" if session.horizon is None else session.horizon,
         on_change=lambda e: bench.set_horizon(None if e.value == "whole" else e.value),
-    ).props("dense no-caps unelevated toggle-color=primary size=12px").mark("horizon")
-    ui.html(_errors(bench), sanitize=False)
+    ).props("dense no-caps unelevated toggle-color=primary size=12px")
+    bench.table = ui.html(errors(bench), sanitize=False)
     ui.html("<h3>Where the vehicle as given fails</h3>", sanitize=False)
     if session.compared is None:
         ui.html("<p>The comparison runs or was cancelled.</p>", sanitize=False)
-        ui.button("Compare", on_click=bench.compare).props("outline dense no-caps")
+        button(bench, "Compare", bench.compare)
         return
     ui.html("<p>A click shows the longest moment; another click the next one.</p>", sanitize=False)
     rows = [
@@ -43,8 +44,8 @@ def show(bench: Bench) -> None:
     onward(bench, 3)
 
 
-def _errors(bench: Bench) -> str:
-    """Return the errors by axis with their noise floor as an HTML table."""
+def errors(bench: Bench) -> str:
+    """Return an HTML table of errors and noise floor by axis; empty before the first prediction."""
     session = bench.session
     found = bench.shown
     if found is None:

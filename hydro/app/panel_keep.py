@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from html import escape
 
 from nicegui import ui
 
 from hydro.app import shown_commands
 from hydro.app.bench import MODIFIED, Bench
+from hydro.app.buttons import button
 from hydro.app.panel import begun
 from hydro.core.errors import HydroError
 
@@ -21,7 +23,7 @@ def show(bench: Bench) -> None:
     ui.html(f"<p>Files are saved in {escape(str(folder))}.</p>", sanitize=False)
     ui.html("<h3>Vehicle file, with its covariance</h3>", sanitize=False)
     with ui.element("div").classes("row"):
-        name = ui.input(value=MODIFIED).props("dense outlined").mark("vehicle-name")
+        name = ui.input(value=MODIFIED).props("dense outlined")
 
         def save() -> None:
             try:
@@ -29,10 +31,10 @@ def show(bench: Bench) -> None:
             except HydroError as error:
                 bench.say(str(error))
 
-        ui.button("Save", on_click=save).props("unelevated dense no-caps color=primary").mark("save-vehicle")
+        button(bench, "Save", save, look="first", key="save vehicle")
     ui.html("<h3>Study folder, as hydro explain writes it, and its report</h3>", sanitize=False)
     with ui.element("div").classes("row"):
-        study = ui.input(value="study").props("dense outlined").mark("study-name")
+        study = ui.input(value="study").props("dense outlined")
 
         async def save_study(report: bool) -> None:
             try:
@@ -40,17 +42,14 @@ def show(bench: Bench) -> None:
             except HydroError as error:
                 bench.say(str(error))
 
-        ui.button("Save", on_click=lambda: save_study(False)).props(
-            "unelevated dense no-caps color=primary"
-        ).mark("save-study").set_enabled(session.diagnosed)
-        ui.button("Save with report", on_click=lambda: save_study(True)).props("outline dense no-caps").mark(
-            "save-report"
-        ).set_enabled(session.diagnosed)
+        save_alone, save_both = partial(save_study, False), partial(save_study, True)
+        button(bench, "Save", save_alone, look="first", key="save study").set_enabled(session.diagnosed)
+        button(bench, "Save with report", save_both).set_enabled(session.diagnosed)
     if not session.diagnosed:
         ui.html("<p>A study begins with a diagnosis.</p>", sanitize=False)
     if bench.saved:
         lines = "".join(f"<div class='said'>saved {escape(one)}</div>" for one in bench.saved)
-        ui.html(lines, sanitize=False).mark("saved")
+        ui.html(lines, sanitize=False)
     ui.html("<h3>Commands that do the same</h3>", sanitize=False)
     ui.html(f"<pre class='commands'>{escape(shown_commands.shell(session))}</pre>", sanitize=False)
     ui.html("<h3>The same in Python</h3>", sanitize=False)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from html import escape
 from typing import Any
 
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.buttons import button
 from hydro.app.panel import begun, onward
 from hydro.core.diagnosis.findings import WITH_VALUES, extended, tables
 from hydro.core.effects import CATALOGUE
@@ -31,13 +33,13 @@ def show(bench: Bench) -> None:
     if begun(bench, "Learn which effects are missing") is None:
         return
     with ui.element("div").classes("row"):
-        ui.button("Diagnosed" if session.diagnosed else "Diagnose", on_click=bench.diagnose).props(
-            "unelevated dense no-caps color=primary"
-        ).set_enabled(not session.diagnosed and not bench.busy)
+        told = "Diagnosed" if session.diagnosed else "Diagnose"
+        button(bench, told, bench.diagnose, look="first").set_enabled(
+            not session.diagnosed and not bench.busy
+        )
         if session.diagnosed:
-            ui.button("Add the best", on_click=lambda: bench.add("best")).props("outline dense no-caps").mark(
-                "add-best"
-            ).set_enabled(not session.over and not bench.busy)
+            add = button(bench, "Add the best", partial(bench.add, "best"))
+            add.set_enabled(not session.over and not bench.busy)
     bench.so_far = ui.label(bench.provisional).classes("hint")
     if bench.problem:
         ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)
@@ -90,9 +92,8 @@ def _card(bench: Bench, row: dict[str, Any]) -> None:
             return
         effect, place = row["effect"], f"force-{row['rank']}"
         with ui.element("div").classes("row"):
-            ui.button("Add", on_click=lambda: bench.add(effect)).props("outline dense no-caps").mark(
-                f"add-{effect}"
-            ).set_enabled(not bench.busy)
+            add = button(bench, "Add", partial(bench.add, effect), key=f"add {effect}")
+            add.set_enabled(not bench.busy)
             if CATALOGUE[effect].kind != "sensor":
 
                 async def draw() -> None:
@@ -103,7 +104,7 @@ def _card(bench: Bench, row: dict[str, Any]) -> None:
                         return
                     await bench.show_force(effect, vehicle, place)
 
-                ui.button("Show its force", on_click=draw).props("flat dense no-caps")
+                button(bench, "Show its force", draw, look="flat", key=f"show {effect}")
         ui.html(f"<div id='{place}'></div>", sanitize=False)
 
 

@@ -10,6 +10,7 @@ from nicegui import ui
 
 from hydro.app import opening, panel_vehicle
 from hydro.app.bench import Bench
+from hydro.app.buttons import button
 from hydro.app.panel import onward
 from hydro.app.places import LOGS
 from hydro.core.guessing.interview import MEANINGS
@@ -37,12 +38,12 @@ def show(bench: Bench) -> None:
     ui.html("<h2>Load a recording and a vehicle</h2>", sanitize=False)
     ui.html(f"<p>{SAMPLE_IS_OPEN if bench.shows_sample else PURPOSE}</p>", sanitize=False)
     with ui.element("div").classes("row"):
-        ui.button("Upload …", on_click=lambda: bench.client.run_javascript(PICK)).props(
-            "outline dense no-caps"
-        )
-        ui.button("Sample: hidden effects", on_click=bench.open_sample).props("outline dense no-caps").mark(
-            "sample"
-        )
+
+        def pick() -> None:
+            bench.client.run_javascript(PICK)
+
+        button(bench, "Upload …", pick)
+        button(bench, "Sample: hidden effects", bench.open_sample)
     ui.html("<p>Or drop a log, a map or a vehicle file anywhere.</p>", sanitize=False)
     logs = _recordings(bench)
     ui.html("<h3>Recording: a raw table, or the logs of one dive</h3>", sanitize=False)
@@ -55,7 +56,7 @@ def show(bench: Bench) -> None:
         _further(bench, logs)
         ui.html("<h3>Map of the log</h3>", sanitize=False)
         _menu_of_maps(bench)
-    ui.button("Open", on_click=bench.open).props("unelevated dense no-caps color=primary").mark("open")
+    button(bench, "Open", bench.open, look="first")
     bench.menus = menus(bench)
 
     @ui.refreshable
@@ -79,7 +80,7 @@ def menus(bench: Bench) -> tuple[Any, ...]:
 def _below(bench: Bench) -> None:
     """Make the part below the menus: the last problem, the result of opening, and the map."""
     if bench.problem:
-        ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False).mark("problem")
+        ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)
     if bench.opens_choice:
         _understood(bench)
         onward(bench, 2)
@@ -113,7 +114,7 @@ def _menu_of_recordings(bench: Bench, logs: dict[str, str]) -> None:
 
     ui.select(
         logs, value=list(bench.tab.choice.logs), multiple=True, on_change=chosen, with_input=True
-    ).props("dense outlined options-dense").mark("recording")
+    ).props("dense outlined options-dense")
 
 
 def _menu_of_vehicles(bench: Bench) -> None:
@@ -126,9 +127,9 @@ def _menu_of_vehicles(bench: Bench) -> None:
         craft[choice.vehicle] = Path(choice.vehicle).name
     ui.select(
         craft, value=choice.vehicle, on_change=lambda event: bench.choose_vehicle(event.value or "")
-    ).props("dense outlined options-dense").mark("vehicle")
+    ).props("dense outlined options-dense")
     if choice.guess:
-        ui.html(f"<p>{escape(choice.guess)}</p>", sanitize=False).mark("guess")
+        ui.html(f"<p>{escape(choice.guess)}</p>", sanitize=False)
 
 
 def _menu_of_maps(bench: Bench) -> None:
@@ -142,7 +143,7 @@ def _menu_of_maps(bench: Bench) -> None:
     def mapped(event: Any) -> None:
         choice.map = event.value or ""
 
-    ui.select(maps, value=choice.map, on_change=mapped).props("dense outlined options-dense").mark("map")
+    ui.select(maps, value=choice.map, on_change=mapped).props("dense outlined options-dense")
 
 
 def _tomls(bench: Bench) -> list[Path]:
@@ -157,7 +158,7 @@ def _fold(bench: Bench, key: str, title: str) -> ui.expansion:
         bench.folds[key] = bool(event.value)
 
     part = ui.expansion(title, value=bench.folds.get(key, False), on_value_change=turned)
-    return part.props("dense dense-toggle").mark(f"fold-{key}")
+    return part.props("dense dense-toggle")
 
 
 def _further(bench: Bench, logs: dict[str, str]) -> None:
@@ -170,14 +171,12 @@ def _further(bench: Bench, logs: dict[str, str]) -> None:
     def earlier(event: Any) -> None:
         choice.before = event.value or ""
 
-    for title, value, chosen, mark in (
-        ("Held-out recording", choice.holdout, held_out, "holdout"),
-        ("Recording before a change", choice.before, earlier, "before"),
+    for title, value, chosen in (
+        ("Held-out recording", choice.holdout, held_out),
+        ("Recording before a change", choice.before, earlier),
     ):
         ui.html(f"<h3>{title}</h3>", sanitize=False)
-        ui.select({"": "none", **logs}, value=value, on_change=chosen).props(
-            "dense outlined options-dense"
-        ).mark(mark)
+        ui.select({"": "none", **logs}, value=value, on_change=chosen).props("dense outlined options-dense")
 
 
 def _map(bench: Bench) -> None:
@@ -193,17 +192,12 @@ def _map(bench: Bench) -> None:
     )
     ui.html(f"<h3>{len(found.columns):,} columns of the log</h3>", sanitize=False)
     names = "".join(f"<span>{escape(one)}</span> " for one in found.columns[:MOST_COLUMNS])
-    ui.html(f"<div class='columns'>{names}</div>", sanitize=False).mark("columns")
+    ui.html(f"<div class='columns'>{names}</div>", sanitize=False)
     for name in KINDS:
         with ui.element("div").classes("map"):
             ui.label(name).tooltip(MEANINGS[name])
             with ui.element("div"):
-                line = (
-                    ui.input(value=found.lines[name])
-                    .props("dense outlined")
-                    .classes("w-full")
-                    .mark(f"map-{name}")
-                )
+                line = ui.input(value=found.lines[name]).props("dense outlined").classes("w-full")
                 line.on("change", lambda _, n=name, one=line: bench.change_map(n, str(one.value)))
                 if name in found.blocks:
                     with ui.element("div").classes("row"):
@@ -252,7 +246,7 @@ def _contradiction(bench: Bench, audit: str) -> None:
         bench.tab.choice.correct = True
         await bench.open()
 
-    ui.button("Continue with the directions of the audit", on_click=accept).props("outline dense no-caps")
+    button(bench, "Continue with the directions of the audit", accept)
 
 
 def _claim(line: str) -> str:

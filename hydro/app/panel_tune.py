@@ -7,6 +7,7 @@ from html import escape
 from nicegui import ui
 
 from hydro.app.bench import Bench
+from hydro.app.buttons import button
 from hydro.app.panel import begun, onward
 from hydro.app.parameters import Slider
 from hydro.core.effects import CATALOGUE
@@ -22,13 +23,10 @@ def show(bench: Bench) -> None:
     if begun(bench, "Add effects and tune their numbers") is None:
         return
     with ui.element("div").classes("row"):
-        ui.button("Fit the ticked", on_click=bench.fit).props("unelevated dense no-caps color=primary").mark(
-            "fit"
-        ).set_enabled(not bench.busy)
+        button(bench, "Fit the ticked", bench.fit, look="first").set_enabled(not bench.busy)
         if session.diagnosed:
-            ui.button("Add the best finding", on_click=lambda: bench.add("best")).props(
-                "outline dense no-caps"
-            ).set_enabled(not session.over and not bench.busy)
+            add = button(bench, "Add the best finding", lambda: bench.add("best"))
+            add.set_enabled(not session.over and not bench.busy)
     if bench.problem:
         ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)
     ui.html("<p>A click on a name shows its numbers. Ticked numbers are fitted.</p>", sanitize=False)

@@ -6,6 +6,7 @@ from nicegui import ui
 
 from hydro.app import own_vehicle
 from hydro.app.bench import Bench
+from hydro.app.buttons import button
 from hydro.core.errors import HydroError
 from hydro.core.guessing.vehicle_choice import hull_of
 
@@ -35,17 +36,13 @@ def show(bench: Bench) -> None:
     )
     with ui.element("div").classes("fields"):
         fields = [
-            ui.input(label, value=values[number] if number < len(values) else "")
-            .props("dense outlined inputmode=decimal")
-            .mark(f"own-{key}")
+            ui.input(label, value=values[number] if number < len(values) else "").props(
+                "dense outlined inputmode=decimal"
+            )
             for number, (key, label) in enumerate(FIELDS)
         ]
     layouts = [*own_vehicle.layouts_with(count), OWN]
-    layout = (
-        ui.select(layouts, value=layouts[-2], label="thrusters")
-        .props("dense outlined options-dense")
-        .mark("own-layout")
-    )
+    layout = ui.select(layouts, value=layouts[-2], label="thrusters").props("dense outlined options-dense")
     with ui.element("div").bind_visibility_from(layout, "value", value=OWN):
         ui.html(
             "<p>A line for each thruster, in the order of the commands: x, y, z [m] and its direction "
@@ -53,13 +50,10 @@ def show(bench: Bench) -> None:
             sanitize=False,
         )
         lines = (
-            ui.textarea(placeholder="-0.5,0,0,1,0,0,40")
-            .props("dense outlined autogrow")
-            .classes("w-full")
-            .mark("own-thrusters")
+            ui.textarea(placeholder="-0.5,0,0,1,0,0,40").props("dense outlined autogrow").classes("w-full")
         )
     with ui.element("div").classes("row"):
-        name = ui.input(value=NAME).props("dense outlined").mark("own-name")
+        name = ui.input(value=NAME).props("dense outlined")
 
         def write() -> None:
             texts = [one.strip() for one in str(lines.value or "").splitlines() if one.strip()]
@@ -78,4 +72,4 @@ def show(bench: Bench) -> None:
             bench.forget_problem()
             bench.refresh()
 
-        ui.button("Write the vehicle file", on_click=write).props("outline dense no-caps").mark("own-write")
+        button(bench, "Write the vehicle file", write)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -82,6 +82,10 @@ Stages = Annotated[
     int, typer.Option(min=1, max=3, help="Last stage of the curriculum.", rich_help_panel=TRAININGS)
 ]
 Steps = Annotated[int, typer.Option(min=1, help="Most steps of a training.", rich_help_panel=TRAININGS)]
+BySac = Annotated[
+    Literal["sac", "paper"],
+    typer.Option(help="Fast SAC, or SAC with the settings of the paper.", rich_help_panel=TRAININGS),
+]
 Log = Annotated[
     Path | None,
     typer.Argument(metavar="RAW", show_default=False, help="Log of the changed vehicle; default: bundled."),
@@ -169,6 +173,7 @@ def paper(
     epochs: Epochs = None,
     given: Given = None,
     condition: Conditions = None,
+    recipe: BySac = "sac",
     stages: Stages = 3,
     steps: Steps = 800_000,
     episodes: Episodes = 100,
@@ -190,7 +195,7 @@ def paper(
     settings = whole.Study(
         folder, raw, replay, _vehicle_file(raw, vehicle, folder), given, epochs=epochs, seeds=seeds,
         conditions=tuple(condition or whole.CONDITIONS), stages=stages, steps=steps, episodes=episodes,
-        choices=(*whole.Study.choices, *(choices or ())),
+        recipe=recipe, choices=(*whole.Study.choices, *(choices or ())),
         networks=tuple(model or whole.NETWORKS),
     )  # fmt: skip
     with runner(context, folder, workers, engine, address, threads) as (run, together):

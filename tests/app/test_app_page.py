@@ -256,6 +256,34 @@ def test_columns_with_unknown_names_are_named_by_clicks_and_the_map_is_kept(
     assert (folder / "map.toml").read_text() == "another map"
 
 
+def test_a_click_on_a_button_that_the_server_has_replaced_counts(tab: Page, desk: Desk) -> None:
+    tab.press("1")
+    says(tab, "Next: 2 Compare")
+    found = "[...document.querySelectorAll('.panel button')].find(one => one.innerText.startsWith('Next'))"
+    tab.run(f"window.old = {found}; window.updates = window.socket.listeners('update').slice(); null")
+    tab.run("updates.forEach(one => window.socket.off('update', one))")
+    (shown,) = (one for one in desk.tabs.values() if one.owner)
+    for act, step in (("press 2", 2), ("press 1", 1), ("old.click()", 2)):
+        tab.press(act[-1]) if act.startswith("press") else tab.run(act)
+        end = time.monotonic() + tab.seconds
+        while shown.step != step:
+            assert time.monotonic() < end, act
+            time.sleep(0.02)
+    tab.visit(tab.run("location.href"), f"window.workbench !== undefined && {DRAWN} === 1")
+    says(tab, "Error over")
+
+
+def test_the_table_of_errors_follows_the_horizon(tab: Page) -> None:
+    tab.press("2")
+    says(tab, "Error over")
+    table = "document.querySelector('.panel .table').innerText"
+    before = tab.run(table)
+    click(tab, "1 s")
+    tab.wait(f"{table} !== {json.dumps(before)}")
+    click(tab, "5 s")
+    tab.wait(f"{table} === {json.dumps(before)}")
+
+
 def test_a_wrong_vehicle_and_a_bad_log_show_a_line_and_the_page_lives(tab: Page, folder: Path) -> None:
     rungs = tab.run(RUNGS)
     tab.press("1")

@@ -449,7 +449,7 @@ var workbench = (() => {
   });
   document.addEventListener("click", (event) => {
     const place = event.target.closest && event.target.closest("[data-do]");
-    if (place) report("do", [place.dataset.do, place.dataset.with]);
+    if (place && !place.disabled) report("do", [place.dataset.do, place.dataset.with]);
   });
 
   /* A click on a column of the log adds it to the line of the map that has, or last had, the cursor. */
