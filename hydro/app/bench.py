@@ -527,7 +527,11 @@ class Bench:
         await self.draw_window(*self.window)
 
     def offered(self, effect: str) -> list[Slider]:
-        """Return the sliders of an effect, and register them, so that `slide` accepts their moves."""
+        """Return the sliders of an effect, and register them, so that `slide` accepts their moves.
+
+        Args:
+            effect: Name of an effect of the vehicle on the page.
+        """
         found = self.session.sliders(effect)
         self._sliders |= {one.key: one for one in found}
         return found
@@ -628,6 +632,9 @@ class Bench:
 
     def save_vehicle(self, name: str) -> str:
         """Write the present vehicle file, its covariance and the map of the log; return the file's path.
+
+        Args:
+            name: Name or path of the vehicle file.
 
         Raises:
             DataError: The place is not one of the folders, or cannot be written.

@@ -22,8 +22,13 @@ ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
 class Residual(nn.Module):
     """Base class of networks from features to the wrench, both in physical units.
 
-    A subclass implements `standardised`, the map between standardised numbers.  Before `standardise` is
-    called, means are 0 and scales 1.
+    A subclass implements `standardised`, the map between standardised numbers (mean 0, scale 1).
+
+    Attributes:
+        input_mean: Means of the k features, (k,); 0 before `standardise` is called.
+        input_scale: Scales of the features, (k,); 1 before.
+        output_mean: Means of the wrench, (6,); 0 before.
+        output_scale: Scales of the wrench, (6,); 1 before.
     """
 
     input_mean: Tensor
