@@ -35,7 +35,7 @@ class Layout:
         bench.refresh_error = self.refresh_error
 
     def fill(self) -> None:
-        """Put the elements of the page into the places of the frame, and connect the events of the page's script."""
+        """Put the elements of the page into the frame's places, and connect the events of the page."""
         frame = self.frame
         for place, show in (
             (frame.steps, self._steps),
