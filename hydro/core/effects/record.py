@@ -26,7 +26,7 @@ Harmonics = Callable[[Array, float, Array], Array]
 Index = tuple[int, ...]
 Table = dict[str, Any]
 
-CALLED = re.compile(r"\n\n(Adds to|Changes) `\w+`, .*arguments as in `layout`\.$", re.DOTALL)
+CALLED = re.compile(r"\n\n(Adds to|Changes) `\w+`[,;] .*arguments as in `layout`\.$", re.DOTALL)
 """Last paragraph of the docstring of an effect's function, which is for readers of the code alone."""
 BOOKKEEPING = frozenset({"name", "label", "standard_error", "fit", "known"})
 """Keys of an `[[effect]]` table that are not parameters: notes of a fit, and known values."""
