@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> int:
-    """Run the command line; interrupted while its modules are still being loaded, it ends as quietly."""
+    """Run the `hydro` command line and return its exit code; it is 130 after Ctrl-C."""
     try:
         from hydro.cli import main as run
 

@@ -68,13 +68,19 @@ PACKAGES = {
 
 
 class Finder:
-    """Finder of modules by their old names."""
+    """Import hook (an entry of `sys.meta_path`) that finds modules of version 0.1 by their old names."""
 
     @staticmethod
     def find_spec(
         fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return a spec for an old name, None for any other."""
+        """Return the import spec that loads a moved module under its old name; None for any other name.
+
+        Args:
+            fullname: Dotted name of the module to import.
+            path: Not used; part of Python's interface of finders.
+            target: Not used; likewise.
+        """
         return ModuleSpec(fullname, _Loader()) if fullname in MODULES else None
 
 
@@ -93,10 +99,14 @@ class _Loader(Loader):
 
 
 def attribute(package: str, name: str) -> Any:
-    """Return a name from a module that has become a package.
+    """Return an attribute that a former module had, from the package that took its name, with a warning.
+
+    Args:
+        package: Dotted name of the package, a key of PACKAGES.
+        name: Name of the attribute.
 
     Raises:
-        AttributeError: The module did not have the name.
+        AttributeError: The former module had no such attribute.
     """
     home = PACKAGES[package]
     # the import system calls this before it looks for a submodule, so submodules are left to it
@@ -108,7 +118,7 @@ def attribute(package: str, name: str) -> Any:
 
 
 def install() -> None:
-    """Register the finder once."""
+    """Add `Finder` to `sys.meta_path`, once, so that imports of old module names work."""
     if Finder not in sys.meta_path:
         sys.meta_path.append(Finder)
 

@@ -81,20 +81,20 @@ class Sectioned(help_.Pasted, TyperGroup):
     """Group of commands whose help lists them by section, with the summaries in one column."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands; the last line of the help names the options, so that the help fits one screen.
+        """Write the list of commands to `formatter`, in the place of the options.
 
         Args:
-            ctx: Context of the parser.
-            formatter: Formatter of the help text; receives the sections.
+            ctx: Click's context of the parser.
+            formatter: Click's formatter of the help text, changed in place.
         """
         self.format_commands(ctx, formatter)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the name and the summary of every command under the title of its section.
+        """Write the name and the summary of every command to `formatter`, under the title of its section.
 
         Args:
-            ctx: Context of the parser.
-            formatter: Formatter of the help text; receives the sections.
+            ctx: Click's context of the parser.
+            formatter: Click's formatter of the help text, changed in place.
         """
         width = max(map(len, self.commands))
         rows: dict[str, list[tuple[str, str]]] = {title: [] for title in SECTIONS}
@@ -159,7 +159,11 @@ for title, modules in SECTIONS.items():
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command line and return its exit code; `arguments` defaults to those of the process."""
+    """Run one command line, print a one-line message for an error, and return the exit code.
+
+    Args:
+        arguments: Words after `hydro`; by default those of the process.
+    """
     streams.replace_closed()
     with streams.warnings_in_one_line(), interrupts.noted():
         return _main(arguments)

@@ -40,12 +40,12 @@ class Comparison(Result):
 
     @property
     def horizon(self) -> float | None:
-        """Horizon of the predictions in `summary` [s]: 5, or else the longest; None for whole sessions."""
+        """Time ahead of the predictions in `summary` [s]: 5, or else the longest; None for whole sessions."""
         horizon: float | None = self._ahead()["horizon"][0]
         return horizon
 
     def summary(self) -> pl.DataFrame:
-        """Return the errors of predictions 5 s ahead, or else at the longest horizon.
+        """Return a new table of the errors of predictions 5 s ahead, or else at the longest time ahead.
 
         Returns:
             `axis`: u v w [m/s], p q r [rad/s] and `all` [m/s]; of a recording without velocities x y z [m],
@@ -78,7 +78,7 @@ class Comparison(Result):
             axes: Two Matplotlib axes to draw into; by default a new figure's.
 
         Returns:
-            The axes, (2,): of translation [m/s], and of rotation [rad/s]; [m] and [rad] of a recording
+            The two axes, (2,): of translation [m/s], and of rotation [rad/s]; [m] and [rad] of a recording
             without velocities.
         """
         from hydro.report import result_axes
@@ -86,7 +86,7 @@ class Comparison(Result):
         return result_axes.draw_errors_ahead(axes, self.summary(), self.horizon)
 
     def to_json(self) -> str:
-        """Return headline and table, as `hydro compare --json` does."""
+        """Return headline and table as JSON text, as `hydro compare --json` prints it."""
         from hydro.report.json_text import json_text
 
         return json_text(headline=self.headline, comparison=self.table)

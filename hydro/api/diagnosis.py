@@ -99,7 +99,7 @@ class Diagnosis(Result):
 
     @property
     def footer(self) -> dict[str, Any]:
-        """Chi-square, headline and prediction errors by name, which `hydro.write` stores in the file."""
+        """A new dict of chi-square, headline and prediction errors, which `hydro.write` stores."""
         from hydro.core.diagnosis.findings import HEADLINE, PREDICTION
 
         errors = {} if self.prediction is None else {PREDICTION: asdict(self.prediction)}
@@ -148,7 +148,10 @@ class Diagnosis(Result):
         return panels
 
     def to_json(self) -> str:
-        """Return headline, next step, findings, chi-square and errors, as `hydro diagnose --json` does."""
+        """Return headline, next step, findings, chi-square and errors as JSON text.
+
+        It is the text that `hydro diagnose --json` prints.
+        """
         from hydro.report.json_text import json_text
 
         errors = {} if self.prediction is None else {"prediction": asdict(self.prediction)}
@@ -195,7 +198,7 @@ def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
     """Return a copy of a vehicle with the confirmed findings of a diagnosis added.
 
     Args:
-        vehicle: Vehicle that was diagnosed; returned unchanged if no finding is confirmed.
+        vehicle: Vehicle that was diagnosed; the vehicle itself is returned if no finding is confirmed.
         table: Diagnosis table.
     """
     import polars as pl

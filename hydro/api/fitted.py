@@ -42,8 +42,8 @@ class Fit(Result):
         """Return a new result made from a fit of `hydro.core`, with a sentence for each effect.
 
         Args:
-            outcome: The fit.
-            vehicle: The vehicle that it started from.
+            outcome: The fit of `hydro.core`.
+            vehicle: The vehicle whose effects were fitted, before the fit.
             dt: Sample time of the recording [s].
         """
         from hydro.core.effects.sentences import sentence
@@ -56,7 +56,7 @@ class Fit(Result):
 
     @property
     def headline(self) -> str:
-        """Number of fitted effects, and a sentence for each."""
+        """Number of fitted effects, and a sentence for each effect, as one text."""
         count = len(self.sentences)
         return f"{count} {'effect' if count == 1 else 'effects'} fitted: {' '.join(self.sentences)}"
 
@@ -140,7 +140,7 @@ class Fit(Result):
         return self.table
 
     def summary(self) -> pl.DataFrame:
-        """Return the parameters, those that the data determine first.
+        """Return a new table of the parameters, those that the data determine first.
 
         Returns:
             The rows of `table`: `parameter`, `value` and `standard_error` in `unit`, and `determined`.
@@ -154,14 +154,14 @@ class Fit(Result):
             axes: Matplotlib axes to draw into, one for each unit; by default a new figure's.
 
         Returns:
-            The axes, (n,): one for each unit, in the order of `table`.
+            The axes into which it drew, (n,): one for each of n units, in the order of `table`.
         """
         from hydro.report import result_axes
 
         return result_axes.draw_parameters(axes, self.table)
 
     def to_json(self) -> str:
-        """Return headline, effects with standard errors, parameters, chi-square, method and warnings."""
+        """Return headline, effects, parameters, chi-square, method and warnings as JSON text."""
         from hydro.report.json_text import json_text
 
         return json_text(

@@ -30,7 +30,7 @@ class History(Result):
         table: History table, one row per dive and parameter.
         changes: One row per change: parameter, kind, dives, levels before and after, standard error of the
             difference, and a sentence.
-        answer: All changes in sentences, or that there are none.
+        answer: All changes in sentences, or that there are none; the same as `headline`.
         undetermined: Names of the parameters that the dives do not determine.
     """
 
@@ -44,17 +44,17 @@ class History(Result):
         return self.answer
 
     def summary(self) -> pl.DataFrame:
-        """Return the changes, one row each: the table `changes`."""
+        """Return a new table of the changes, one row each: `changes` without its sentences."""
         return self.changes.drop("sentence")
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
-        """Draw the time line of each parameter, with 95 % intervals and the fitted level.
+        """Draw each parameter over the dives, with 95 % intervals and the fitted level.
 
         Args:
             axes: Matplotlib axes to draw into, one per parameter; by default a new figure's.
 
         Returns:
-            The axes, (n,); `axes[0].figure` is the figure.
+            The axes into which it drew, one for each of n parameters, (n,); `axes[0].figure` is the figure.
         """
         from hydro.report.result_axes import time_lines
 

@@ -15,9 +15,13 @@ Progress = Callable[[str, float], None]
 
 
 def vehicle_first(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a version of a function that also accepts the frame before the vehicle, with a warning.
+    """Return a version of a public function that also accepts its first two arguments in the old order.
 
-    That was the order of version 0.1; it is accepted for one more version.
+    The old order, that of version 0.1, is the recording before the vehicle.  It is accepted for one more
+    version, with a warning.
+
+    Args:
+        function: Function whose first arguments are a vehicle and a table.
     """
 
     @functools.wraps(function)

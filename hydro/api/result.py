@@ -44,11 +44,11 @@ class Result(ABC):
     @property
     @abstractmethod
     def headline(self) -> str:
-        """Result in one or two sentences."""
+        """Result of the function in one or two sentences."""
 
     @abstractmethod
     def summary(self) -> pl.DataFrame:
-        """Return the short table that is printed below the headline."""
+        """Return a new, short table of the most important results, which is printed below the headline."""
 
     @abstractmethod
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> NDArray[np.object_]:
@@ -58,7 +58,7 @@ class Result(ABC):
             axes: Matplotlib axes to draw into, as many as are returned; by default a new figure's.
 
         Returns:
-            The axes, (n,); `axes[0].figure` is the figure.
+            The axes into which it drew, (n,); `axes[0].figure` is the figure.
         """
 
     @abstractmethod
@@ -83,7 +83,7 @@ class Result(ABC):
         return self.table.filter(*predicates, **constraints)
 
     def select(self, *columns: Any, **named: Any) -> pl.DataFrame:
-        """Return columns of `table`, as `polars.DataFrame.select` does."""
+        """Return a new frame with some columns of `table`, as `polars.DataFrame.select` does."""
         return self.table.select(*columns, **named)
 
     def __repr__(self) -> str:
@@ -140,7 +140,7 @@ def frame_of(table: Result) -> pl.DataFrame: ...
 @overload
 def frame_of(table: T) -> T: ...
 def frame_of(table: Any) -> Any:
-    """Return the table of a `Result`; return any other value unchanged."""
+    """Return the polars frame of a `Result`; return any other value, such as a frame, unchanged."""
     return table.table if isinstance(table, Result) else table
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Step:
-    """One step of a study.
+    """One step of a study: the effects that it added to a vehicle, and the errors of that vehicle.
 
     Attributes:
         number: Number of the step; step 0 is the vehicle as given.
@@ -87,7 +87,7 @@ class Step:
 
     @property
     def headline(self) -> str:
-        """Added effects and errors in one line."""
+        """The step in one line of text: its number, the added effects and the errors."""
         from hydro.report import words
         from hydro.report.ladder import by_dataset
 
@@ -102,7 +102,10 @@ class Step:
 
     @property
     def chi2(self) -> tuple[float, ...]:
-        """Mean squared residuals of `diagnosis` [noise variance]: as given, refitted, with findings."""
+        """Mean squared residuals of `diagnosis`, in units of the noise variance (1: noise alone).
+
+        They are those of the step's vehicle as given, with its own effects refitted, and with the findings.
+        """
         return self.diagnosis.chi2
 
     def error(self, dataset: str) -> float | None:
@@ -189,17 +192,17 @@ class Study(Result):
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle of the step to use."""
+        """The vehicle of the step to use, with all effects added up to it."""
         return self.best.vehicle
 
     @property
     def comparison(self) -> Comparison:
-        """Errors of `vehicle` against the recording."""
+        """Errors against the recording of the vehicle of the step to use."""
         return self.best.comparison
 
     @property
     def diagnosis(self) -> Diagnosis:
-        """Diagnosis of `vehicle`."""
+        """Diagnosis of the vehicle of the step to use."""
         return self.best.diagnosis
 
     def summary(self) -> pl.DataFrame:

@@ -17,7 +17,11 @@ R = TypeVar("R")
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a version of a function during which linear algebra uses one thread."""
+    """Return a version of a function that limits linear algebra to one thread while the function runs.
+
+    Args:
+        function: The function.
+    """
 
     @functools.wraps(function)
     def alone(*given: P.args, **named: P.kwargs) -> R:

@@ -90,12 +90,12 @@ class Bench:
 
     @property
     def session(self) -> Session:
-        """Open recording, vehicle and history of the tab."""
+        """Session of the tab: its open recording, vehicle and history."""
         return self.tab.session
 
     @property
     def owned(self) -> bool:
-        """Whether this page may change the tab; false, with a message, if another page took it over."""
+        """Whether this page may change the tab; False, with a message, if another page shows the same tab."""
         if self.tab.owner == self.client.id:
             return True
         self.say("this session is open in another tab: reload to take it back")
@@ -103,36 +103,40 @@ class Bench:
 
     @property
     def shows_sample(self) -> bool:
-        """Whether the sample is the chosen recording."""
+        """Whether the chosen recording is the sample that the package includes."""
         return self.tab.choice.logs == (opening.sample()[1],)
 
     @property
     def opens_choice(self) -> bool:
-        """Whether the recording that is open is the chosen one."""
+        """Whether the recording that is open is the one chosen in step 1."""
         opened = self.session.opened
         chosen = tuple(str(Path(one).resolve()) for one in self.tab.choice.logs)
         return opened is not None and tuple(str(Path(one).resolve()) for one in opened.paths) == chosen
 
     @property
     def commands(self) -> int:
-        """Number of commands in the proposed map; 0 without one."""
+        """Number of thruster commands in the map that was proposed for the chosen logs; 0 without a map."""
         found = self.tab.proposed
         return 0 if found is None else len(found.blocks.get("commands", {}).get("columns", ()))
 
     def show_step(self, number: int) -> None:
-        """Show the panel of a step, 1 to 5."""
+        """Show the panel of one of the workbench's five steps on the page.
+
+        Args:
+            number: Number of the step, 1 to 5.
+        """
         self.tab.step = number
         self.forget_problem()
         self.refresh()
 
     def forget_problem(self) -> None:
-        """Take away the last problem."""
+        """Remove the last error message from the page."""
         self.problem = ""
         if self._toast is not None and not self._toast.is_deleted:
             self._toast.dismiss()
 
     def say(self, line: str) -> None:
-        """Show a problem in one line."""
+        """Show an error message of one line on the page."""
         self.forget_problem()
         self.problem = line
         with self.client:
@@ -191,13 +195,15 @@ class Bench:
         return None
 
     def cancel(self) -> None:
-        """End the running work."""
+        """End the work that the tab's worker process is doing."""
         self.tab.worker.cancel()
 
     # 1, Load
 
     def choose(self, logs: tuple[str, ...]) -> bool:
-        """Choose the recording to open; return True if the menus must be drawn again with another choice.
+        """Choose the recording to open.
+
+        Return whether the menus must be drawn again, because more has changed.
 
         Args:
             logs: A raw table, or the logs of one dive, in the order in which they were chosen.
@@ -209,7 +215,11 @@ class Bench:
         return choice.logs != logs or choice.vehicle != vehicle
 
     def choose_vehicle(self, path: str) -> None:
-        """Choose the vehicle file; empty for the one in the recording, or a preset that fits."""
+        """Choose the vehicle file to open.
+
+        Args:
+            path: Path of the file; empty for the vehicle in the recording, or a preset that fits.
+        """
         choice = self.tab.choice
         if path != choice.vehicle:
             choice.vehicle, choice.guess, choice.correct = path, "", False
@@ -517,13 +527,17 @@ class Bench:
         await self.draw_window(*self.window)
 
     def offered(self, effect: str) -> list[Slider]:
-        """Return the sliders of an effect; from now on, the bench accepts their moves."""
+        """Return the sliders of an effect, and register them, so that `slide` accepts their moves.
+
+        Args:
+            effect: Name of an effect of the vehicle on the page.
+        """
         found = self.session.sliders(effect)
         self._sliders |= {one.key: one for one in found}
         return found
 
     def slide(self, key: str, value: float) -> None:
-        """Show the vehicle with the value of a slider that is being moved.
+        """Set a number of the vehicle on the page, while its slider is being moved.
 
         Args:
             key: `Slider.key` of the slider.
@@ -564,7 +578,7 @@ class Bench:
         await self.draw_window(*self.window)
 
     def tick(self, key: str, on: bool) -> None:
-        """Choose whether the next fit changes a parameter.
+        """Choose whether the next fit changes one parameter.
 
         Args:
             key: The parameter, `effect.parameter`.
@@ -582,7 +596,10 @@ class Bench:
         await self.draw_window(*self.window)
 
     def evaluate(self) -> None:
-        """Redraw predictions and error in the background; later changes wait for one further redraw."""
+        """Compute the predictions and the error of the page's vehicle in the background, and draw them.
+
+        Changes during this work lead to one further computation.
+        """
         if self._evaluating:
             self._again = True
         else:
@@ -615,6 +632,9 @@ class Bench:
 
     def save_vehicle(self, name: str) -> str:
         """Write the present vehicle file, its covariance and the map of the log; return the file's path.
+
+        Args:
+            name: Name or path of the vehicle file.
 
         Raises:
             DataError: The place is not one of the folders, or cannot be written.
@@ -694,7 +714,12 @@ class Bench:
     # Drawing
 
     def send(self, function: str, *arguments: Any) -> None:
-        """Call a function of the page's script with arguments as JSON."""
+        """Call a function of the page's script.
+
+        Args:
+            function: Name of the function.
+            arguments: Its arguments, which are sent as JSON.
+        """
         texts = (
             orjson.dumps(one, option=orjson.OPT_SERIALIZE_NUMPY).decode() for one in map(_plain, arguments)
         )

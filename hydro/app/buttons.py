@@ -27,22 +27,19 @@ def button(
     key: str = "",
     color: str | None = "primary",
 ) -> ui.button:
-    """Make a button that calls a function of the tab.
+    """Put a button on the page that calls a function of the tab, and return the button.
 
     The page's script reports a click by the key of the button, and `press` calls the function that has this
     key.  NiceGUI's own event would be lost if the server had just replaced the button and the browser did not
     know it yet.
 
     Args:
-        bench: The workbench, which keeps the functions by key.
+        bench: State of the tab, which keeps the functions by key.
         words: Text on the button.
         act: Function without arguments, or coroutine function.
-        look: Key of `LOOKS`.
+        look: Name of the button's style, a key of `LOOKS`.
         key: Key of the button; its text by default.
         color: Colour of the button; None for the colour of the text around it.
-
-    Returns:
-        The button.
     """
     bench.actions[key or words] = act
     made = ui.button(words, color=color).props(LOOKS[look])

@@ -22,7 +22,7 @@ TABLE = ".parquet"
 
 @dataclass
 class Choice:
-    """Files that a tab has chosen to open.
+    """Files that the user of a tab has chosen to open.
 
     Attributes:
         vehicle: Vehicle file; empty for the one in the recording, or the preset that fits.
@@ -43,7 +43,7 @@ class Choice:
     guess: str = ""
 
     def choose(self, logs: tuple[str, ...], sample: str) -> None:
-        """Choose the recording to open, by changing this choice.
+        """Change the choice to another recording.
 
         A raw table opens alone, so that it gives way to a recording that is chosen after it.  The map, and a
         vehicle that the user did not choose, belong to the earlier recording and are dropped.
@@ -128,7 +128,7 @@ class Desk:
         return found
 
     def close(self) -> None:
-        """End the worker processes and remove the uploads."""
+        """End the worker processes of all tabs and remove the uploaded files."""
         for worker in (self.spare, *(tab.worker for tab in self.tabs.values())):
             if worker is not None:
                 worker.close()

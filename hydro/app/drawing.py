@@ -70,7 +70,7 @@ def redrawn(
 
 
 def window(session: Session, vehicle: Vehicle, low: float, high: float, points: int) -> dict[str, Any]:
-    """Return all curves between two times of the recording, for the page.
+    """Return all curves between two times of the recording, as the page's script reads them.
 
     Args:
         session: The session.
@@ -103,7 +103,7 @@ def window(session: Session, vehicle: Vehicle, low: float, high: float, points: 
 
 
 def begin(session: Session) -> dict[str, Any]:
-    """Return what the page needs once for a recording.
+    """Return the data that the page's script needs once for a recording.
 
     Returns:
         A dict of `end`, the last time [s]; `window`, the first range of time [s]; `hull`, its length, width
@@ -138,7 +138,7 @@ def begin(session: Session) -> dict[str, Any]:
 
 
 def force(live: Live, wrench: Array) -> dict[str, Any]:
-    """Return the force of an effect over time and against velocity, on the axis where it has most influence.
+    """Return the curves of an effect's force over time and against velocity, on its most affected axis.
 
     Args:
         live: The recording.

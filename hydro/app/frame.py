@@ -43,7 +43,7 @@ MAIN = """
 
 
 class Frame:
-    """Places of the page, with the steps shown but not yet usable.
+    """Frame of the page of the workbench: the places of its parts, with the steps shown but not yet usable.
 
     Attributes:
         steps: Place of the steps.

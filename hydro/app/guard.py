@@ -27,7 +27,7 @@ POLICY = (
 
 
 class Guard:
-    """ASGI application that checks each request before another application sees it."""
+    """ASGI application that lets only requests of this machine's browser with the token reach another one."""
 
     def __init__(self, app: Any, token: str, hosts: Iterable[str], largest: int) -> None:
         """Set the conditions.

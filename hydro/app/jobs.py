@@ -37,7 +37,7 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Compared:
-    """Comparison of a vehicle with the recording.
+    """Result of a comparison of a vehicle with the recording.
 
     Attributes:
         table: Comparison table.
@@ -50,7 +50,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Result of a fit.
+    """Result of a fit of effects to the recording.
 
     Attributes:
         vehicle: Vehicle with the estimates.
@@ -69,7 +69,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Stepped:
-    """Result of a step of a study.
+    """Result of a request for the next step of a study.
 
     Attributes:
         step: The step; None if no candidate effect predicts better.
@@ -125,7 +125,7 @@ def open_recording(
     before: str,
     report: Report,
 ) -> Opened:
-    """Open a recording for a vehicle: import, clean and audit it.
+    """Return a recording that was imported, cleaned and audited for a vehicle.
 
     Args:
         paths: A raw table, or the logs of one dive.
@@ -142,7 +142,7 @@ def open_recording(
 
 
 def compare(opened: Opened, vehicle: Vehicle, report: Report) -> Compared:
-    """Compare a vehicle with a recording: errors, noise floor, and the places where the vehicle fails.
+    """Return the errors of a vehicle on a recording, with noise floor and the places where the vehicle fails.
 
     Args:
         opened: The recording.
@@ -176,7 +176,7 @@ def add_step(opened: Opened, craft: Craft, steps: Sequence[Step], wanted: str, r
 def fit(
     opened: Opened, vehicle: Vehicle, wanted: Sequence[str], held: Sequence[str], report: Report
 ) -> Fitted:
-    """Fit effects of a vehicle, as `hydro fit` does.
+    """Return effects of a vehicle, fitted to the recording as `hydro fit` does.
 
     Args:
         opened: The recording.
@@ -213,7 +213,7 @@ def force(opened: Opened, vehicle: Vehicle, without: Vehicle, report: Report) ->
 def save_study(
     opened: Opened, craft: Craft, steps: Sequence[Step], wanted: Sequence[str], folder: str, report: Report
 ) -> str:
-    """Write the study folder of given steps, as `hydro explain` does, and return its headline.
+    """Write the files of a study's steps into a folder, as `hydro explain` does, and return the headline.
 
     Args:
         opened: The recording.
@@ -273,7 +273,7 @@ def write_report(folder: str, destination: str, report: Report) -> str:
 
 
 def holding(vehicle: Vehicle, held: Sequence[str], *, instead: Vehicle | None = None) -> Vehicle:
-    """Return a copy of a vehicle whose effect tables mark some parameters as known, so that a fit keeps them.
+    """Return a copy of a vehicle in which parameters are marked as known, so that a fit does not change them.
 
     Args:
         vehicle: The vehicle.

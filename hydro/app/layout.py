@@ -23,7 +23,10 @@ REFRESH = 0.4
 
 
 class Layout:
-    """Content of one tab's page: steps, progress, undo, panel, error and error ladder."""
+    """Content of the page of one tab of the workbench, from steps and panel to the error and its ladder.
+
+    The error ladder is a chart of the errors of all states in the history.
+    """
 
     def __init__(self, bench: Bench, frame: Frame) -> None:
         """Connect the page's events with the actions of the tab."""
@@ -32,7 +35,7 @@ class Layout:
         bench.refresh_error = self.refresh_error
 
     def fill(self) -> None:
-        """Make the elements in the places of the frame."""
+        """Put the elements of the page into the frame's places, and connect the events of the page."""
         frame = self.frame
         for place, show in (
             (frame.steps, self._steps),
@@ -60,7 +63,7 @@ class Layout:
         self._head()
 
     def refresh(self) -> None:
-        """Show the present state in all parts of the page except the curves."""
+        """Draw all parts of the page except the curves again, as the session now is."""
         with self.bench.client:
             self._steps.refresh()
             if self.bench.tab.step == self._drawn == 1 and self.bench.menus == panel_load.menus(self.bench):
@@ -71,7 +74,7 @@ class Layout:
             self._head()
 
     def refresh_error(self) -> None:
-        """Show the error of the vehicle that the page shows."""
+        """Show the present error of the vehicle on the page."""
         self.frame.error.set_content(_error(self.bench))
         if (table := self.bench.table) is not None and not table.is_deleted:
             table.set_content(panel_compare.errors(self.bench))

@@ -28,7 +28,7 @@ MOST_POINTS = 4000
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of predicted velocities.
+    """Errors of predicted velocities, root mean square.
 
     Attributes:
         all: Root mean square over all axes, weighted by inertia [m/s]; NaN without samples.
@@ -60,11 +60,11 @@ class Live:
 
     @property
     def horizons(self) -> tuple[float, ...]:
-        """Horizons for which the recording is long enough [s]."""
+        """Prediction horizons for which the recording is long enough [s]."""
         return tuple(one for one in HORIZONS if self._of(one, every=False))
 
     def errors(self, vehicle: Vehicle, horizon: float | None, *, every: bool = False) -> Errors:
-        """Return the errors of a vehicle.
+        """Return the errors of a vehicle's predicted velocities on the recording.
 
         Args:
             vehicle: The vehicle.
@@ -98,7 +98,7 @@ class Live:
         return self.windows.predicted(candidate(vehicle), horizon, begin, end)
 
     def rows(self, low: float, high: float) -> tuple[int, int]:
-        """Return the first row, and the row after the last, between two times; at least two rows.
+        """Return the range of rows between two times: first row, and row after the last; at least two rows.
 
         Args:
             low: Begin on the page's axis [s].
@@ -153,7 +153,7 @@ def _clock(t: Array, segments: Rows, session: Rows, dt: float) -> Array:
 
 
 def decimated(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """Return abscissae and ordinates of at most `points` points: least and greatest value of each stretch.
+    """Return a curve with at most `points` points, which keeps the least and greatest value of each stretch.
 
     A gap in the curve (NaN) stays a gap.
 
@@ -161,6 +161,9 @@ def decimated(x: Array, y: Array, points: int) -> tuple[Array, Array]:
         x: Abscissae, (N,).
         y: Ordinates, (N,).
         points: Maximum number of points; at most MOST_POINTS.
+
+    Returns:
+        Abscissae and ordinates of the points.
     """
     points = min(points, MOST_POINTS)
     if len(y) <= points:

@@ -55,7 +55,7 @@ _OUT_OF_RANGE = re.compile(r"raw: (\w+) \[")
 
 @dataclass(frozen=True)
 class Craft:
-    """Vehicle file.
+    """Vehicle file that a tab has opened.
 
     Attributes:
         path: Path of the file.
@@ -71,7 +71,7 @@ class Craft:
 
     @classmethod
     def read(cls, path: str | Path) -> Craft:
-        """Read a vehicle file and the covariance next to it.
+        """Return the vehicle of a file, with the file's text and the covariance next to it.
 
         Raises:
             DataError: The file is not a valid vehicle.
@@ -118,7 +118,7 @@ class Proposed:
 
 @dataclass(frozen=True)
 class Further:
-    """Further recording of a study: a held-out recording, or one from before a change.
+    """Additional recording of a study: a held-out recording, or one from before a change.
 
     Attributes:
         path: Path of the file.
@@ -131,7 +131,7 @@ class Further:
 
 @dataclass(frozen=True)
 class Opened:
-    """Recording that is open.
+    """Recording that a tab has opened, imported and cleaned.
 
     Attributes:
         name: Name of the recording on the page.
@@ -160,7 +160,7 @@ class Opened:
 
     @property
     def to_send(self) -> Opened:
-        """The recording for the worker process, without the predictions that only the page uses."""
+        """A copy for the worker process, without the predictions that only the page uses."""
         return replace(self, log=replace(self.log))
 
 
@@ -176,7 +176,7 @@ def presets() -> dict[str, str]:
 
 
 def is_table(paths: Sequence[str]) -> bool:
-    """Return whether a recording is a raw table, which needs no map.
+    """Return whether the chosen files are one raw table, which needs no map.
 
     Raises:
         DataError: Several files were chosen, and one of them is a raw table.
@@ -198,13 +198,13 @@ def commands_of(path: str) -> tuple[int, str]:
 def propose_map(
     paths: Sequence[str], given: Mapping[str, str], thrusters: int | None, progress: Progress
 ) -> Proposed:
-    """Propose the map of logs.
+    """Return a proposed map of logs, guessed from columns and corrected by the motion.
 
     Args:
         paths: The files of one dive.
         given: Blocks that the user wrote, by name, each as one text.
         thrusters: Number of thrusters of the vehicle, if known.
-        progress: Called with a description of the work and the share of it that is done.
+        progress: Called with a description of the work and the fraction of it that is done.
 
     Raises:
         DataError: A file cannot be read, or the text of a block is invalid.
@@ -217,7 +217,7 @@ def propose_map(
 
 
 def settings(name: str, block: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Return the settings of a map's block that have fixed choices, such as its unit.
+    """Return those settings of a map's block that have fixed choices, such as its unit, with the choices.
 
     Args:
         name: Name of the block, one of `map_lines.KINDS`.
@@ -282,7 +282,7 @@ def correct_map(
 
 
 def unrecognised(found: Proposed) -> list[str]:
-    """Return the names of the sensors that a map lacks although unused columns of the log may hold them."""
+    """Return the names of sensors that a map lacks and that unused columns of the log may hold."""
     used = {name for block in found.blocks.values() for name in texts_of(block)}
     unused = [name for name in found.columns if name not in used]
     return [name for name in BLOCKS if name not in found.blocks] if len(unused) >= AXES else []
@@ -294,7 +294,7 @@ def _proposed(columns: Sequence[str], blocks: Mapping[str, Block], notes: Sequen
 
 
 def write_map(found: Proposed, paths: Sequence[str], destination: Path) -> str:
-    """Write the map file of a proposal, and return its path.
+    """Write the map file of a proposal, and return its path as text.
 
     Args:
         found: The proposed map.
@@ -323,13 +323,13 @@ def open_recording(
     holdout: str = "",
     before: str = "",
 ) -> Opened:
-    """Open a recording for a vehicle: import, clean and audit it.
+    """Return a recording that was imported, cleaned and audited for a vehicle.
 
     Args:
         paths: A raw table, or the logs of one dive.
         map_: Path of the map; empty for a raw table.
         craft: The vehicle file.
-        progress: Called with a description of the work and the share of it that is done.
+        progress: Called with a description of the work and the fraction of it that is done.
         correct: Accept the directions and the order of the thrusters that the audit states.
         holdout: Held-out recording: a raw table, or a log that the same map fits; empty without one.
         before: Recording before a change: a raw table, or a log that the same map fits; empty without one.

@@ -21,18 +21,18 @@ VOLTAGE = 16.0
 
 
 def layouts_with(thrusters: int) -> list[Layout]:
-    """Return the layouts with a number of thrusters; all layouts where none has it."""
+    """Return the known thruster layouts with a number of thrusters; all layouts if none has this number."""
     fitting = [one for one in LAYOUTS if layouts_thrusters(one) == thrusters]
     return fitting or [one for one in LAYOUTS if layouts_thrusters(one)]
 
 
 def usual_hull(thrusters: int) -> Hull | None:
-    """Return mass and box of a usual vehicle with this number of thrusters; None if none is known."""
+    """Return mass and size of the usual vehicle with this number of thrusters; None if none is known."""
     return BLUEROV2.hull if thrusters == BLUEROV2.thrusters else None
 
 
 def write_estimated(path: Path, hull: Hull, layout: str, thrusters: Sequence[str] = ()) -> str:
-    """Write a vehicle file that is estimated from mass, box and thrusters, and return its path.
+    """Write a vehicle file estimated from mass, size and thrusters, and return its path.
 
     Args:
         path: The file; it must not exist.

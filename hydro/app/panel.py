@@ -13,14 +13,16 @@ from hydro.app.live import Live
 
 
 def begun(bench: Bench, title: str) -> Live | None:
-    """Show the title of a panel, and return the open recording.
+    """Show the title of a panel on the page, and return the open recording.
+
+    Without a recording, the panel shows a sentence that none is open.
 
     Args:
-        bench: The workbench.
+        bench: State and actions of the tab.
         title: Title of the panel.
 
     Returns:
-        The recording; None if none is open, which the panel then says.
+        The recording; None if none is open.
     """
     ui.html(f"<h2>{escape(title)}</h2>", sanitize=False)
     live = bench.session.live
@@ -30,10 +32,10 @@ def begun(bench: Bench, title: str) -> Live | None:
 
 
 def onward(bench: Bench, step: int) -> None:
-    """Make a button that shows a later step.
+    """Put a button on the page that shows a later step of the workbench.
 
     Args:
-        bench: The workbench.
+        bench: State and actions of the tab.
         step: Number of the step, 2 to 5.
     """
     button(bench, f"Next: {step} {STEPS[step - 1]}", lambda: bench.show_step(step)).classes("next")

@@ -15,7 +15,11 @@ from hydro.report import words
 
 
 def show(bench: Bench) -> None:
-    """Build the panel of step 2: errors by axis at a horizon, and the places where the vehicle fails."""
+    """Put the panel of step 2 on the page: errors by axis at a horizon, and where the vehicle fails.
+
+    Args:
+        bench: State and actions of the tab.
+    """
     session, live = bench.session, begun(bench, "Compare measured and predicted motion")
     if live is None:
         return
@@ -45,7 +49,11 @@ def show(bench: Bench) -> None:
 
 
 def errors(bench: Bench) -> str:
-    """Return an HTML table of errors and noise floor by axis; empty before the first prediction."""
+    """Return an HTML table of errors and noise floor by axis; empty before the first prediction.
+
+    Args:
+        bench: State of the tab, with the errors of the vehicle on the page.
+    """
     session = bench.session
     found = bench.shown
     if found is None:

@@ -15,7 +15,13 @@ from hydro.core.errors import HydroError
 
 
 def show(bench: Bench) -> None:
-    """Build the panel of step 5: save the vehicle, the study and its report, and show equal commands."""
+    """Put the panel of step 5 on the page: save the vehicle, the study and its report.
+
+    The panel also shows the commands that do the same as the session.
+
+    Args:
+        bench: State and actions of the tab.
+    """
     session = bench.session
     if begun(bench, "Keep the result") is None:
         return

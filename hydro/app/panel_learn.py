@@ -24,7 +24,7 @@ UNSEEN = "not_excited"
 
 
 def show(bench: Bench) -> None:
-    """Build the panel of step 3 of the workbench: diagnose, and look at the findings and their forces.
+    """Put the panel of step 3 on the page: diagnose the vehicle, and show the findings and their forces.
 
     Args:
         bench: State and actions of the tab.

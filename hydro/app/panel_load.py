@@ -34,7 +34,13 @@ MOST_COLUMNS = 2000
 
 
 def show(bench: Bench) -> None:
-    """Build the panel of step 1: choose recording and vehicle, correct the map, read the import's summary."""
+    """Put the panel of step 1 on the page: choose recording and vehicle, correct the map of the log.
+
+    The panel also shows a summary of the import.
+
+    Args:
+        bench: State and actions of the tab.
+    """
     ui.html("<h2>Load a recording and a vehicle</h2>", sanitize=False)
     ui.html(f"<p>{SAMPLE_IS_OPEN if bench.shows_sample else PURPOSE}</p>", sanitize=False)
     with ui.element("div").classes("row"):
@@ -68,9 +74,12 @@ def show(bench: Bench) -> None:
 
 
 def menus(bench: Bench) -> tuple[Any, ...]:
-    """Return the state of the menus as a tuple to compare: if it is unchanged, they need not be drawn again.
+    """Return the state of the menus of step 1 as a tuple to compare: the menus are drawn only if it changed.
 
     A menu that is drawn again closes, also while a person chooses from it.
+
+    Args:
+        bench: State of the tab.
     """
     choice = bench.tab.choice
     chosen = (choice.logs, choice.vehicle, choice.guess, choice.map, choice.holdout, choice.before)

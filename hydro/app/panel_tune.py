@@ -18,7 +18,11 @@ MOST_OPEN = 4
 
 
 def show(bench: Bench) -> None:
-    """Build the panel of step 4: switches for the effects, sliders for their parameters, and the fit."""
+    """Put the panel of step 4 on the page: switches of the effects, sliders of their parameters, and the fit.
+
+    Args:
+        bench: State and actions of the tab.
+    """
     session = bench.session
     if begun(bench, "Add effects and tune their numbers") is None:
         return
@@ -40,7 +44,12 @@ def show(bench: Bench) -> None:
 
 
 def toggle(bench: Bench, effect: str) -> None:
-    """Show or hide the sliders of an effect."""
+    """Show the sliders of an effect on the page if they are hidden; hide them otherwise.
+
+    Args:
+        bench: State and actions of the tab.
+        effect: Name of the effect.
+    """
     shown = opened(bench)
     if effect in shown:
         shown.remove(effect)
@@ -52,7 +61,10 @@ def toggle(bench: Bench, effect: str) -> None:
 def opened(bench: Bench) -> list[str]:
     """Return the names of the effects whose sliders are shown.
 
-    At first that is the vehicle's first effect other than inertia.
+    At first only the sliders of the vehicle's first effect other than inertia are shown.
+
+    Args:
+        bench: State of the tab.
     """
     if bench.unfolded is None:
         own = [str(one["name"]) for one in bench.session.present.effect]

@@ -25,7 +25,11 @@ FIELDS = (
 
 
 def show(bench: Bench) -> None:
-    """Build the form that describes a vehicle without a file."""
+    """Put the form on the page that describes a vehicle without a file.
+
+    Args:
+        bench: State and actions of the tab.
+    """
     count = bench.commands
     hull = own_vehicle.usual_hull(count)
     values = hull.text.split() if hull is not None else []

@@ -65,7 +65,10 @@ class Slider:
 
 
 def sliders(vehicle: Vehicle, effect: str) -> list[Slider]:
-    """Return the sliders of an effect of a vehicle; a symmetric matrix has none below its diagonal."""
+    """Return the sliders of an effect of a vehicle, one for each number.
+
+    Empty if the vehicle lacks the effect. A symmetric matrix has no sliders below its diagonal.
+    """
     table = next(iter(vehicle.effects(effect)), None)
     if table is None:
         return []
@@ -112,14 +115,14 @@ def with_value(vehicle: Vehicle, slider: Slider, value: float) -> Vehicle:
 
 
 def switchable(vehicle: Vehicle) -> list[str]:
-    """Return the names of the vehicle's effects, then of those of the catalogue that it does not have."""
+    """Return the names of all effects to switch: the vehicle's, then the others of the catalogue."""
     present = [str(table["name"]) for table in vehicle.effect]
     names = [name for name, record in CATALOGUE.items() if not record.is_written]
     return [*present, *(name for name in names if not vehicle.effects(name))]
 
 
 def neutral(effect: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Return the `[[effect]]` table of an effect with values of 0, or of 1 where 0 is not allowed.
+    """Return a new `[[effect]]` table of an effect with values of 0, or of 1 where 0 is not allowed.
 
     Args:
         effect: Name of the effect in the catalogue.

@@ -41,7 +41,7 @@ def safe_name(name: str) -> str:
 
 @dataclass(frozen=True)
 class Places:
-    """Folders of the command line, files that it named, and a private folder for uploads.
+    """Folders and files that the workbench may read and write.
 
     Attributes:
         folders: Folders that are listed, read and written; the first is the default for saving.
@@ -55,18 +55,18 @@ class Places:
 
     @classmethod
     def of(cls, folders: Iterable[str | Path], files: Iterable[str | Path] = ()) -> Places:
-        """Return the places of folders and files, with all links followed now.
+        """Return the places for given folders and files, with all symbolic links followed now.
 
         Changing a link later has therefore no effect.
         """
         return cls(tuple(Path(one).resolve() for one in folders), tuple(Path(one).resolve() for one in files))
 
     def close(self) -> None:
-        """Remove the uploads."""
+        """Remove the private folder with all uploaded files."""
         shutil.rmtree(self.uploads, ignore_errors=True)
 
     def readable(self, path: str | Path) -> Path:
-        """Return a path with all links followed, if it may be read.
+        """Return a path with all symbolic links followed, after a check that it may be read.
 
         Raises:
             DataError: It is outside the folders and is not a file of the command line.
@@ -78,7 +78,7 @@ class Places:
         return found
 
     def writable(self, path: str | Path) -> Path:
-        """Return a path with all links followed, if it may be written.
+        """Return a path with all symbolic links followed, after a check that it may be written.
 
         Raises:
             DataError: It is outside the folders.

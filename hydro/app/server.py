@@ -27,7 +27,7 @@ STATIC = Path(__file__).with_name("static")
 
 @dataclass(frozen=True)
 class Address:
-    """Address of the server.
+    """Address at which the server of the workbench listens, with the secret of this run.
 
     Attributes:
         host: Address that it listens on.
@@ -46,7 +46,7 @@ class Address:
 
     @property
     def link(self) -> str:
-        """Link that opens the page."""
+        """URL that opens the page, with the token."""
         return f"http://{self.name}/?{PARAMETER}={self.token}"
 
     @property
@@ -56,7 +56,7 @@ class Address:
 
 
 def bound(host: str, port: int, token: str | None) -> tuple[Address, socket.socket]:
-    """Return an address and a socket that listens on it.
+    """Return an address for the server, and a socket that listens at it.
 
     Args:
         host: Numeric address to listen on.

@@ -36,7 +36,7 @@ STUDY_STAGE = "explain"
 
 @dataclass(frozen=True)
 class Rung:
-    """One state of the vehicle in the history.
+    """One state of the vehicle in the history of a session.
 
     Attributes:
         label: Description of the change that led to the state.
@@ -66,7 +66,7 @@ class Rung:
 
 @dataclass
 class Session:
-    """State of one tab.
+    """State of one tab of the workbench: recording, vehicle and history of changes.
 
     Attributes:
         opened: The recording; None before one is open.
@@ -93,7 +93,7 @@ class Session:
     # Opening
 
     def open(self, craft: Craft, opened: Opened) -> None:
-        """Begin with a vehicle file and a recording; a new history starts."""
+        """Set the vehicle file and the recording, and start a new history with the vehicle as given."""
         craft = craft.for_recording(opened.source)
         live = Live(opened)
         horizons = live.horizons
@@ -120,7 +120,7 @@ class Session:
 
     @property
     def rung(self) -> Rung:
-        """The present state.
+        """The present state of the history.
 
         Raises:
             DataError: Nothing is open.
@@ -153,15 +153,18 @@ class Session:
         return self.at + 1 < len(self.history)
 
     def undo(self) -> None:
-        """Show the state before the present one."""
+        """Go back to the state before the present one."""
         self.go(self.at - 1)
 
     def redo(self) -> None:
-        """Show the state after the present one."""
+        """Go forward to the state after the present one."""
         self.go(self.at + 1)
 
     def go(self, number: int) -> None:
-        """Show the state with an index in the history, limited to its ends."""
+        """Make the state with an index in the history the present one.
+
+        An index without a state changes nothing.
+        """
         if 0 <= number < len(self.history):
             self.at, self.vehicle = number, self.history[number].vehicle
 
@@ -173,7 +176,7 @@ class Session:
     # Tuning
 
     def switches(self) -> list[tuple[str, bool]]:
-        """Return pairs of an effect's name, and whether the vehicle has it, for all of the catalogue."""
+        """Return pairs of each catalogue effect's name and whether the vehicle has the effect."""
         return [(name, bool(self.present.effects(name))) for name in switchable(self.present)]
 
     def sliders(self, effect: str) -> list[Slider]:
@@ -208,7 +211,9 @@ class Session:
         self._append(rung)
 
     def switch(self, effect: str, on: bool) -> None:
-        """Add an effect with its earlier values, or neutral ones, or remove it; make the result a state.
+        """Switch an effect of the vehicle on or off, as a new state of the history.
+
+        An effect that is switched on gets its earlier values, or neutral ones.
 
         Args:
             effect: Name of the effect.
@@ -243,7 +248,7 @@ class Session:
     # Fitting
 
     def to_fit(self) -> tuple[list[str], list[str]]:
-        """Return the effects with a ticked parameter, and a list of the unticked parameters of these effects.
+        """Return the effects that have a ticked parameter, and the parameters of these that are not ticked.
 
         Raises:
             DataError: No parameter is ticked.
@@ -263,7 +268,7 @@ class Session:
         return names, held
 
     def accept_fit(self, fitted: Fitted, held: Sequence[str] = ()) -> None:
-        """Make the result of a fit a state of the history.
+        """Add the result of a fit to the history, as the present state.
 
         Args:
             fitted: The result.
@@ -312,11 +317,11 @@ class Session:
 
     @property
     def over(self) -> str:
-        """Reason why the study ends without a further effect; empty if it continues or has not begun."""
+        """Reason why the study ends, in words; empty if a step may follow or the study has not begun."""
         return over(self.rung.steps) if self.diagnosed else ""
 
     def wanted(self, effect: str) -> str:
-        """Return the name by which to ask the next step for a finding.
+        """Return the request with which the next step of the study adds a finding.
 
         Args:
             effect: Effect of the finding.
@@ -330,7 +335,7 @@ class Session:
         return BEST if effect == first else effect
 
     def accept_step(self, step: Step | None, wanted: str) -> str:
-        """Take the next step of the study.
+        """Add a step of the study to the history.
 
         The first step compares and diagnoses the present state; a later one adds a finding.  A step that
         predicts left-out data worse is kept in the history but is not the present state.
@@ -390,9 +395,9 @@ class Session:
         return self.live.errors(self.vehicle, self.horizon, every=every)
 
     def floors(self) -> Mapping[str, float]:
-        """Return a dict of the noise floor of each velocity [m/s, rad/s] at the page's horizon, by name.
+        """Return the noise floor of each velocity [m/s, rad/s] at the page's horizon, by name.
 
-        It is empty before a comparison.
+        The dict is empty before a comparison.
         """
         if self.compared is None:
             return {}
@@ -405,7 +410,7 @@ class Session:
         }
 
     def worst(self, most: int = 6) -> list[dict[str, Any]]:
-        """Return the worst places of the vehicle as given, each a row of the comparison table as a dict.
+        """Return the places where the vehicle as given fails most: rows of the comparison table, as dicts.
 
         Args:
             most: Maximum number of places.
@@ -416,7 +421,7 @@ class Session:
         return table.filter(table["rank"].is_not_null()).sort("rank").head(most).to_dicts()
 
     def copy(self) -> Session:
-        """Return a session for another tab: the same recording, with its own history and vehicle."""
+        """Return a session for another tab, with the same recording and copies of history and vehicle."""
         return replace(self, history=list(self.history), ticked=set(self.ticked), aside=dict(self.aside))
 
     def _error(self, vehicle: Vehicle) -> float:

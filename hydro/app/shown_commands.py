@@ -18,12 +18,12 @@ RAW, HELD_OUT, BEFORE = "raw.parquet", "holdout.parquet", "before.parquet"
 
 
 def shell(session: Session) -> str:
-    """Return the text of the command lines that lead to the present state, one line for each step."""
+    """Return command lines that lead to the present state of a session, as one text with a line per step."""
     return "\n".join(_lines(session))
 
 
 def python(session: Session) -> str:
-    """Return the text of the Python code that leads to the present state."""
+    """Return Python code that leads to the present state of a session, as one text."""
     return "\n".join(_statements(session))
 
 

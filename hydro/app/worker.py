@@ -30,7 +30,7 @@ class Cancelled(HydroError):
 
 
 class Worker:
-    """Process that runs one function at a time."""
+    """Process that does long work, one function at a time."""
 
     def __init__(self) -> None:
         """Start no process yet."""
@@ -40,7 +40,7 @@ class Worker:
         self._cancelled = False
 
     def start(self) -> None:
-        """Start the process before its first work, so that the libraries are loaded in time."""
+        """Start the process before its first work, so that its libraries are loaded when work arrives."""
         self._started(WORK)
 
     def run(self, work: Callable[..., Any], *arguments: Any, report: Report | None = None) -> Any:
@@ -77,7 +77,10 @@ class Worker:
                 ) from error
 
     def cancel(self) -> None:
-        """End the process and the work in it; the running `run` raises `Cancelled`."""
+        """End the process with the work in it.
+
+        The call of `run` that waits for the work raises `Cancelled`.
+        """
         self._cancelled = True
         self._end()
 
@@ -108,7 +111,14 @@ class Worker:
 
 
 def serve(pipe: Connection, module: str) -> None:
-    """Import a module, then run each function that arrives through a pipe, until the other end closes."""
+    """Import a module, then run each function that arrives through a pipe, until the other end closes.
+
+    This is the main loop of the worker process.
+
+    Args:
+        pipe: Connection to the server.
+        module: Dotted name of the module.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which ends this process
     import_module(module)
     _forward_notices(pipe)

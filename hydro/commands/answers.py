@@ -29,7 +29,7 @@ Details = Annotated[bool, typer.Option("--details", help="Print all tables: valu
 
 @dataclass(frozen=True)
 class Printing:
-    """Streams and files to which a command writes its answer.
+    """Choice of the streams and files to which a command writes its answer.
 
     Attributes:
         output: File of the command's result table; `-` is stdout.
@@ -53,7 +53,7 @@ class Printing:
 
     @property
     def saves(self) -> bool:
-        """Whether the table is written: to a file, or to a pipe that takes neither text nor JSON."""
+        """Whether the result table is written: to a file, or to a pipe that takes neither text nor JSON."""
         return self.output != STREAM or not (self.text or self.json or sys.stdout.isatty())
 
     @property
@@ -70,18 +70,23 @@ class Printing:
         return Console(stderr=aside, highlight=False, markup=False)
 
     def headline(self, text: str) -> None:
-        """Print the headline alone, on stderr."""
+        """Print a text on stderr, as the headline of an answer."""
         typer.echo(text, err=True)
 
 
 def print_lines(lines: Iterable[Text], console: Console) -> None:
-    """Print the lines of an answer without further wrapping."""
+    """Print the lines of an answer, each without further wrapping.
+
+    Args:
+        lines: Lines of text; a line may be bold.
+        console: Console to print on.
+    """
     for line in lines:
         console.print(line.text, style="bold" if line.bold else None, soft_wrap=True)
 
 
 def called_with(vehicle: Path, measured: Sequence[str] | None, output: str = STREAM, **options: Any) -> Call:
-    """Return the arguments of a command as a record from which its answer makes the next commands.
+    """Return a record of a command's arguments, from which the answer forms the commands to run next.
 
     Args:
         vehicle: Vehicle file.

@@ -25,7 +25,10 @@ def saves(output: str, as_json: bool) -> bool:
 
 
 def print_json(**said: Any) -> None:
-    """Print one JSON object; tables become lists of rows, and numbers that are not finite become null."""
+    """Print keyword arguments as one JSON object on stdout.
+
+    Tables become lists of rows, and numbers that are not finite become null.
+    """
     from hydro.report.json_text import json_text
 
     typer.echo(json_text(**said))

@@ -20,12 +20,12 @@ Result = TypeVar("Result")
 
 
 def asks() -> bool:
-    """Return whether a terminal is there on which questions can be asked."""
+    """Return whether stdin and stderr are a terminal on which questions can be asked."""
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
 class Asker:
-    """Source of answers: the user at a terminal, or the defaults.
+    """Source of answers to questions: the user at a terminal, or else the questions' defaults.
 
     Args:
         about: Subject of the questions, for error lines.

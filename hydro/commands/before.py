@@ -50,7 +50,7 @@ ASIDE = "name another recording of the unchanged vehicle"
 
 @dataclass(frozen=True)
 class Earlier:
-    """Hull-force model from a recording before a change.
+    """Hull-force model from a recording before a change, with the origin of its data.
 
     Attributes:
         hull: Hull-force model.
@@ -72,10 +72,10 @@ def learnt(
     *,
     discover: bool = False,
 ) -> Earlier | None:
-    """Fit a hull-force model to --before, or use the network of --model.
+    """Return a hull-force model fitted to the recording of --before, or the network of --model.
 
     Args:
-        before: Recording from before the change.
+        before: Paths of the recording from before the change.
         model: Path of the network.
         vehicle: Vehicle file.
         source: Recording after the change.

@@ -483,7 +483,7 @@ def _print(found: Diagnosis, context: Context, printing: Printing, details: bool
 
 
 def print_findings(frame: pl.DataFrame, console: Console) -> None:
-    """Print the values, the test and the advice of each finding.
+    """Print the values, the statistical test and the advice of each finding of a diagnosis.
 
     Args:
         frame: Diagnosis table.

@@ -45,10 +45,10 @@ def engine_for(
     threads: int,
     execute: Callable[[Step], None] | None = None,
 ) -> AbstractContextManager[Engine]:
-    """Return the engine that runs the work, for use in a `with` block.
+    """Return the engine that runs the tasks of a command, for use in a `with` block.
 
     Args:
-        name: `here` or `ray`.
+        name: `here` (this process) or `ray` (a cluster).
         address: Address of the cluster.
         threads: Number of processors of each task on the cluster.
         execute: Function that runs steps of a study in this process; by default each step runs in its own
@@ -76,14 +76,14 @@ def runner(
 ) -> Iterator[tuple[Runner, int]]:
     """Yield, for a `with` block, the runner of a study's steps and how many steps may run at the same time.
 
-    Without a cluster, one step runs in this process, or several run in parallel in their own processes.  A
-    cluster runs as many steps as it has free processors.
+    A step is one command of hydro.  Without a cluster, one step runs in this process, or several run in
+    parallel in their own processes.  A cluster runs as many steps as it has free processors.
 
     Args:
         context: Context of the command, whose root group runs steps in this process.
-        folder: Folder of the study, with the ledger.
+        folder: Folder of the study, in which the runner records the finished steps.
         workers: Number of steps at the same time without a cluster.
-        name: `here` or `ray`.
+        name: `here` (this machine) or `ray` (a cluster).
         address: Address of the cluster.
         threads: Number of processors of each task on the cluster.
     """
@@ -96,7 +96,11 @@ def runner(
 
 
 def refuse_engine(name: str, why: str) -> None:
-    """Refuse a cluster for work that cannot be divided; `why` is the reason in the message.
+    """Raise an error if a cluster is requested for work that cannot be divided.
+
+    Args:
+        name: Value of --engine, `here` or `ray`.
+        why: Reason, for the message.
 
     Raises:
         UsageError: A cluster is requested.

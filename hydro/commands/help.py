@@ -26,7 +26,10 @@ ADVANCED, CLUSTER, NEXT_RUN = "Advanced", "Cluster", "Next run"
 
 
 def paragraphs(text: str) -> list[str]:
-    """Return the paragraphs of a docstring without the marker of Click; those of examples are indented."""
+    """Return the paragraphs of a docstring; those of examples are indented.
+
+    A paragraph loses the character by which Click keeps its line breaks.
+    """
     return [one.removeprefix(KEPT) for one in text.split("\n\n")]
 
 
@@ -42,12 +45,12 @@ def short(text: str) -> str:
 
 
 class Pasted:
-    """Command or group whose help shows examples with their line breaks."""
+    """Mixin for a command or group whose help shows examples with their line breaks."""
 
     help: str | None
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
-        """Write the summary, the paragraph and the examples.
+        """Write the summary, the paragraph and the examples of the command's docstring.
 
         Args:
             ctx: Context of the parser.
@@ -59,10 +62,10 @@ class Pasted:
 
 
 class Screen(Pasted, TyperCommand):
-    """Command whose help fits one screen."""
+    """Mixin for a command whose help fits one screen."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the words of the usage line: required arguments as they are, others in brackets.
+        """Return the words of the command's usage line: required arguments as they are, others in brackets.
 
         Args:
             ctx: Context of the parser.
@@ -75,7 +78,7 @@ class Screen(Pasted, TyperCommand):
         ]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write arguments and options, and then the groups of rarely used options.
+        """Write the command's arguments and options, and then the groups of rarely used options.
 
         Args:
             ctx: Context of the parser.
@@ -97,7 +100,7 @@ class Screen(Pasted, TyperCommand):
 
 
 def example(line: str) -> str:
-    """Return the example at the end of a help as text: lines of a screen that a shell reads as one command.
+    """Return the paragraph of a help with an example: lines of a screen that a shell reads as one command.
 
     Args:
         line: The command.

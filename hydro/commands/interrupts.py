@@ -36,7 +36,7 @@ def noted() -> Iterator[None]:
 
 
 def seen() -> bool:
-    """Return whether an interrupt was recorded."""
+    """Return whether `noted` has recorded a keyboard interrupt."""
     return _SEEN.is_set()
 
 

@@ -30,7 +30,8 @@ class Writes:
         folder: Whether it is a folder, which is made if it is missing; else one file in an existing folder.
         holds: Kind of content of the folder, a key of `MARKS`; a folder with another kind is refused.
         like: Name of an argument: if that is a folder of sessions, the command writes such a folder too.
-        where: Name of an option: `like` applies only if this option is given; always by default.
+        where: Name of an option: `like` applies only if this option is given; by default `like` always
+            applies.
     """
 
     folder: bool = False
@@ -39,7 +40,11 @@ class Writes:
     where: str = ""
 
     def to_folder(self, given: Mapping[str, Any]) -> bool:
-        """Return whether a command with these arguments writes into a folder."""
+        """Return whether a command with given arguments writes into a folder at this option.
+
+        Args:
+            given: Arguments of the command by name.
+        """
         if self.folder or not self.like or (self.where and not given[self.where]):
             return self.folder
         return any(_is_dataset(one) for one in _each(given[self.like]))
@@ -82,7 +87,11 @@ EachOutput = Annotated[
 
 
 def checked(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a version of a command that first checks its output places and locks its output folders."""
+    """Return a version of a command that first checks its output places and locks its output folders.
+
+    Args:
+        command: Function of the command; its options for outputs are marked with `Writes`.
+    """
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
@@ -96,10 +105,10 @@ def checked(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
-    """Check every file and folder to which a command would write.
+    """Raise an error if a command cannot write one of its files and folders, or must not.
 
     Args:
-        command: The command.
+        command: Function of the command; its options for outputs are marked with `Writes`.
         given: Arguments of the command by name.
 
     Raises:

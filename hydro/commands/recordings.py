@@ -74,10 +74,10 @@ class Logs:
     """Settings for reading the recordings of a command.
 
     Attributes:
-        map: Map of the logs; None if all recordings are raw tables.
+        map: Map of the logs, the meaning of their columns; None if all recordings are raw tables.
         definitions: Folder with `.msg` files, or None.
         vehicle: Vehicle file with which imported logs are checked.
-        fill: Whether a log gets values in every row.
+        fill: Whether values of a log are interpolated in rows without a sample.
     """
 
     map: Path | None = None
@@ -86,7 +86,7 @@ class Logs:
     fill: bool = False
 
     def read(self, sources: Sequence[str] | None, *kinds: str) -> Artefact:
-        """Read a recording, and print the results of an import on stderr.
+        """Return the recording of a command as a table, and print the results of an import on stderr.
 
         Args:
             sources: A table, a folder of sessions or a log, or the logs of one dive; empty for stdin.
@@ -117,7 +117,10 @@ class Logs:
 
 
 def dataset(sources: Sequence[str] | None) -> str | None:
-    """Return the argument of a command that is a folder of sessions; None if the recordings are others.
+    """Return the path of the folder of sessions that a command's recordings are; None for other recordings.
+
+    Args:
+        sources: Paths of the recordings.
 
     Raises:
         UsageError: A folder is combined with other recordings.
@@ -132,7 +135,12 @@ def dataset(sources: Sequence[str] | None) -> str | None:
 
 
 def tell_strangers(folder: str, sessions: Iterable[str]) -> None:
-    """Print on stderr which sessions of an output folder the command has not written now."""
+    """Print on stderr which sessions of an output folder are from an earlier command.
+
+    Args:
+        folder: The output folder.
+        sessions: Names of the sessions that this command has written.
+    """
     from hydro.io import partitions
 
     strangers = sorted(set(partitions.sessions(folder)) - set(sessions))
@@ -142,7 +150,7 @@ def tell_strangers(folder: str, sessions: Iterable[str]) -> None:
 
 
 def called(sources: Sequence[str] | None) -> str:
-    """Return the name of a recording in messages: its file, or the first of several."""
+    """Return the name of a recording for messages: the path of its first file, or `-` for stdin."""
     return sources[0] if sources else STREAM
 
 

@@ -140,7 +140,7 @@ class _Given:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Parameters for the footers of the results."""
+        """Arguments of the command, by name, for the footers of the tables that it writes."""
         kept = ("conditioning", "lead", "integrator", "timestep", "piece")
         return {name: value for name in kept if (value := getattr(self, name)) is not None}
 
@@ -164,7 +164,12 @@ class _Flown:
     vehicle_text: str
 
     def table(self, kind: str, frame: pl.DataFrame) -> Artefact:
-        """Return a frame of the given kind with the origin of these replays as its provenance."""
+        """Return a frame as a table with provenance: the recording, networks and arguments of these replays.
+
+        Args:
+            kind: Kind of the table.
+            frame: The frame.
+        """
         from hydro.io import table
 
         return table.make(

@@ -273,23 +273,27 @@ class _Clock:
         self._spent: dict[str, float] = {}
 
     def start(self, training: Training) -> None:
-        """Start to count steps and time."""
+        """Set the clock to zero: count steps and time from now on."""
         self._first, self._started = training.steps, time.perf_counter()
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
-        """Count the time of a block for the part of the work with this name."""
+        """Count the time of a `with` block for one part of a training's work.
+
+        Args:
+            name: Name of the part.
+        """
         before = time.perf_counter()
         yield
         self._spent[name] = self._spent.get(name, 0.0) + time.perf_counter() - before
 
     def shares(self) -> str:
-        """Return the shares of time of each part, in words."""
+        """Return the share of time of each part of the work, as text."""
         whole = time.perf_counter() - self._started
         return ", ".join(f"{name} {spent / whole:.0%}" for name, spent in self._spent.items())
 
     def words(self, training: Training) -> str:
-        """Return steps, steps per second, level, success and maximum remaining time, in words."""
+        """Return a training's steps, steps per second, level, success and maximum remaining time, as text."""
         rate = (training.steps - self._first) / max(time.perf_counter() - self._started, 1e-9)
         left = (training.config.steps - training.steps) / rate if rate else 0.0
         return (

@@ -49,7 +49,7 @@ Last = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--setting", metavar="NAME", help="Other settings; may be repeated."),
+    typer.Option("--setting", metavar="NAME", help="Harder condition; may be repeated."),
 ]
 Truth = Annotated[
     Path | None,
@@ -65,14 +65,14 @@ def builder_of(
     estimates: Estimates | None = None,
     truth: Path | None = None,
 ) -> Builder:
-    """Return the builder of the fleets of a training.
+    """Return the builder of the fleets (groups of simulated vehicles) of a training.
 
     Args:
         config: Settings of the training.
         text: Text of the vehicle file.
-        residual: Table of the residual model; None without one.
+        residual: Table of the residual model (network); None without one.
         folder: Folder of the vehicle file, which has its hull mesh.
-        estimates: Covariance of the vehicle file's parameters; None if they are not drawn.
+        estimates: Covariance of the vehicle file's parameters; None if they are not drawn at random.
         truth: Vehicle file to simulate instead of the one with the text `text`.
     """
     from hydro.core import effects
@@ -124,6 +124,11 @@ def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, li
 def asked_task(run: Path, task: str | None, stage: int | None) -> str | None:
     """Return the name of the task that --task or --stage requests; None if neither is given.
 
+    Args:
+        run: Folder of a training, or a vehicle file.
+        task: Value of --task.
+        stage: Value of --stage: number of a stage of the training's curriculum, from 1.
+
     Raises:
         UsageError: Both are given.
     """
@@ -139,25 +144,25 @@ def asked_task(run: Path, task: str | None, stage: int | None) -> str | None:
 
 
 def is_vehicle(run: Path) -> bool:
-    """Return whether a path names a vehicle file instead of a training."""
+    """Return whether a path names a vehicle file, not the folder of a training."""
     return run.is_file() or run.suffix == ".toml"
 
 
 def flight_of(
     run: Path, wanted: str | None, level: int | None, truth: Path | None = None, *, last: bool = False
 ) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
-    """Return all that test flights of a training, or of a vehicle file alone, need.
+    """Return all that test flights of a training's policy, or of a vehicle file alone, need.
 
     Args:
         run: Folder of a training, or a vehicle file.
         wanted: Name of the task; by default that of the training.
-        level: Level; by default the greatest that the training reached.
-        truth: Vehicle file to simulate instead.
+        level: Level of difficulty of the task; by default the greatest that the training reached.
+        truth: Vehicle file to simulate instead of that of the training.
         last: Use the last policy, not the one that passed the task.
 
     Returns:
         The policy, None for a vehicle file; a list with the table of the policy, empty for a vehicle file;
-        the builder of fleets; the task; and its level.
+        the builder of fleets (groups of simulated vehicles); the task; and its level.
     """
     alone = is_vehicle(run)
     policy, learnt, builder = (
@@ -213,8 +218,7 @@ def eval_(
     """Run a policy in a simulator and count the successes.
 
     The same seed gives the same tasks to every policy and in all simulators. The result has the success rate
-    with its 95 % interval, collisions, time to goal and energy, also of a scripted pilot in the same
-    tasks.
+    with its 95 % interval, collisions, time to goal and energy, also of a scripted pilot in the same tasks.
 
         task             goal
         point_to_point   a place in open water               (stage 1)
@@ -225,24 +229,28 @@ def eval_(
         docking          a pose, slowly
         pillar_row, waypoints   pillars that may be passed around; places in order
 
-    Settings: no_plan, current, load, dead_thruster, posterior, half_time or all.
+    --setting: no_plan, current, load, dead_thruster, posterior, half_time or all.
 
     Details:
 
-    --in student is MuJoCo at 500 Hz, kernels this project's own code, teacher the reference simulator.
-    The interval is Wilson's. The result also has the distance from the way to follow, and how far baffles or
-    pillars are passed on alternating sides. A good policy also wins in a simulator that it was not trained
-    in, and against the scripted pilot (the helmsman). The pilot runs once more with a map if there is
-    something to avoid. The expert of --recipe imitation runs as well if it differs from that. With a vehicle
-    file as RUN only the pilot runs. On a terminal without -o the result is printed. Stonefish runs in the
-    program hydro-stonefish.
+    --in student is MuJoCo at 500 Hz, kernels the compiled code of the trainings, without MuJoCo, and teacher
+    the reference simulator, with panels on the hull. stonefish runs in the program hydro-stonefish.
+
+    The interval is Wilson's. The result also has the distance from the path to follow, and how far baffles or
+    pillars are passed on alternating sides. A good policy also succeeds in a simulator in which it was not
+    trained, and more often than the scripted pilot (the helmsman). A second row of the pilot, with a map, is
+    added if the task has obstacles, and a row of the expert that --recipe imitation learns from, if that is
+    another pilot. With a vehicle file as RUN only the pilot runs. On a terminal without -o the result is
+    printed.
 
     With --stage or --task the policy that passed this task in training is tested, if there is one, because
     training for the next stage may undo it; with --last the last policy is tested.
 
-    Settings: no_plan shows the goal instead of a way, current is 0.3 m/s, load a payload of 10 % of the mass,
-    posterior draws values from the covariance next to the vehicle file; nominal is the file. With --truth
-    another vehicle is simulated than the one that the policy's demands are made for.
+    Values of --setting: no_plan shows the policy its goal instead of a path; current adds a current of 0.3
+    m/s; load adds 10 % of the mass on board; dead_thruster stops one thruster; posterior draws parameters
+    from the covariance next to the vehicle file; half_time halves the time limit; all tests every setting
+    that suits the task; nominal, the default, changes nothing. With --truth the vehicle of that file is
+    simulated, while the policy acts as for the vehicle of RUN.
     """
     import polars as pl
 

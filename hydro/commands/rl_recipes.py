@@ -13,7 +13,13 @@ Recipe = Annotated[
 
 
 def current_recipe(name: str) -> str:
-    """Return the present name of a recipe; print a line on stderr for a name of an earlier version."""
+    """Return the present name of a recipe, the settings of a training.
+
+    For a name of an earlier version, a line is printed on stderr.
+
+    Args:
+        name: Present or earlier name.
+    """
     from hydro.rl.training.config import RENAMED_RECIPES
 
     if name not in RENAMED_RECIPES:

@@ -98,12 +98,19 @@ class _Shown:
     def of(
         cls, run: Path, task: str | None, level: int | None, truth: Path | None, simulator: Simulator
     ) -> _Shown:
-        """Return actor and task for a training or vehicle file; see `rl_flights.flight_of`."""
+        """Return what is shown, actor and task, for a training or a vehicle file.
+
+        The arguments are those of `rl_flights.flight_of`.
+        """
         policy, _, builder, chosen, at = flight_of(run, task, level, truth)
         return cls(run, policy, builder, chosen, at, simulator)
 
     def flight(self, seed: int) -> Flight:
-        """Return the recorded flight in the task that belongs to a seed."""
+        """Return the recorded flight in the task that a seed draws.
+
+        Args:
+            seed: Seed of the task.
+        """
         from hydro.rl.training.evaluate import trace
         from hydro.rl.training.pilots import WithMap
         from hydro.rl.training.trials import NOMINAL, TRIALS

@@ -77,7 +77,10 @@ VehicleFile = Annotated[
 
 
 def refuse_terminal(output: str) -> None:
-    """Refuse to write Parquet to a terminal, before any work is done.
+    """Raise an error if a command would write Parquet to a terminal; called before any work is done.
+
+    Args:
+        output: Destination; `-` is stdout.
 
     Raises:
         UsageError: stdout is both the destination and a terminal.
@@ -87,12 +90,16 @@ def refuse_terminal(output: str) -> None:
 
 
 def shows_table(output: str) -> bool:
-    """Return whether a readable table is printed: there is no -o, and stdout is a terminal."""
+    """Return whether a readable table is printed: there is no -o, and stdout is a terminal.
+
+    Args:
+        output: Value of -o; `-`, the default, is stdout.
+    """
     return output == STREAM and sys.stdout.isatty()
 
 
 def read(source: str, *kinds: str) -> Artefact:
-    """Read one artefact, a table with provenance, from a file or stdin.
+    """Return one artefact, a table with provenance, read from a file or stdin.
 
     Args:
         source: Path; `-` is stdin.
@@ -108,7 +115,10 @@ def read(source: str, *kinds: str) -> Artefact:
 
 
 def network(source: str) -> tuple[Artefact, Model]:
-    """Read a trained network; return its table and the model.
+    """Return a trained network, read from a file or stdin: its table with provenance, and the model.
+
+    Args:
+        source: Path; `-` is stdin.
 
     Raises:
         DataError: The file is missing, broken, of another kind, or its footer does not describe a network.
@@ -122,21 +132,26 @@ def network(source: str) -> tuple[Artefact, Model]:
 
 
 def write(artefact: Artefact, output: str) -> None:
-    """Write an artefact to a file, atomically, or to stdout."""
+    """Write an artefact (a table with provenance) to a file, atomically, or to stdout.
+
+    Args:
+        artefact: The artefact.
+        output: Path; `-` is stdout.
+    """
     from hydro.io import table
 
     table.write(artefact, sys.stdout.buffer if output == STREAM else output)
 
 
 def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) -> tuple[Vehicle, str]:
-    """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
+    """Return the vehicle of a file, some effects marked as known, and the file's text with these marks.
 
     Standard errors from the covariance file are put into the vehicle's effect tables.  Errors that were
     estimated from the recording `source` are left out, because they are not independent of it.
 
     Args:
         file: Vehicle file.
-        known: Names of effects, or of parameters as `effect.parameter`; None for none.
+        known: Names of the effects to mark, or of parameters as `effect.parameter`; None for none.
         source: Recording that is fitted.
 
     Raises:
@@ -149,14 +164,14 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
 
 
 def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
-    """Return a vehicle with the effects `known` marked as known, and the text of its file with these marks.
+    """Return the vehicle of a file, some effects marked as known, and the file's text with these marks.
 
     Standard errors from the covariance file are put into the vehicle's effect tables, whatever recording they
     are from.
 
     Args:
         file: Vehicle file.
-        known: Names of effects, or of parameters as `effect.parameter`; None for none.
+        known: Names of the effects to mark, or of parameters as `effect.parameter`; None for none.
 
     Raises:
         DataError: the file is invalid, or has no effect or parameter of a name.
@@ -196,7 +211,11 @@ def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estima
 
 
 def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
-    """Return the vehicle and the text of its file: `--vehicle` if given, else that in the artefact's footer.
+    """Return the vehicle and the text of its file: `--vehicle` if given, else that in the table's footer.
+
+    Args:
+        artefact: Table with provenance in its footer.
+        file: Path of `--vehicle`; None if not given.
 
     Raises:
         DataError: neither the option nor the footer has a vehicle, or the file is invalid.
@@ -205,12 +224,12 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
 
 
 def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicle, str]:
-    """Return the vehicle and its text from a file if given, else from the footer of a table.
+    """Return the vehicle and the text of its file: from a path if given, else from the footer of a table.
 
     Args:
         footer: Text of the vehicle file in the footer; None without one.
         kind: Kind of the table, for the message.
-        file: Vehicle file.
+        file: Path of the vehicle file; None if not given.
 
     Raises:
         DataError: neither is given, or the vehicle is invalid.
@@ -232,7 +251,11 @@ def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicl
 
 @contextmanager
 def about(source: str) -> Iterator[None]:
-    """Put the name of an input in front of every `DataError` that a `with` block raises."""
+    """Put the name of an input in front of every `DataError` that a `with` block raises.
+
+    Args:
+        source: Path of the input; `-` is stdin.
+    """
     try:
         yield
     except DataError as error:
@@ -245,14 +268,24 @@ def _name(source: str) -> str:
 
 
 def report_gaps(source: str, frame: pl.DataFrame) -> None:
-    """Print one line on stderr if an input has gaps in time."""
+    """Print one line on stderr if a recording has gaps in time.
+
+    Args:
+        source: Path of the recording; `-` is stdin.
+        frame: Table of the recording.
+    """
     from hydro.core.recording.segments import gaps
 
     report(source, gaps(frame))
 
 
 def report(source: str, words: str) -> None:
-    """Print a remark on an input on stderr; print nothing if the remark is empty."""
+    """Print a remark on an input on stderr; print nothing if the remark is empty.
+
+    Args:
+        source: Path of the input; `-` is stdin.
+        words: The remark.
+    """
     if words:
         message(f"hydro: {_name(source)}: {words}")
 
@@ -273,7 +306,11 @@ def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
 
 
 def left_out(frame: pl.DataFrame) -> str:
-    """Return a remark on the number of rows without a label; empty if all rows have one."""
+    """Return a remark on the number of rows of a table without a label; empty if all rows have one.
+
+    Args:
+        frame: Labels or split table.
+    """
     from hydro.core.distillation.labels import labelled
 
     missing = frame.height - labelled(frame).height
@@ -281,7 +318,7 @@ def left_out(frame: pl.DataFrame) -> str:
 
 
 def noise_for(text: str) -> Noise:
-    """Return the noise from the name of a profile or from inline TOML.
+    """Return sensor noise from the name of a profile or from inline TOML.
 
     Raises:
         UsageError: The text is neither.
@@ -319,10 +356,10 @@ def progress(label: str, expected: Expected | None = None) -> Iterator[Callable[
 
     Args:
         label: Name of the work.
-        expected: Range of its duration [s]; None where nothing is known beforehand.
+        expected: Range of the work's duration [s]; None where nothing is known beforehand.
 
     Yields:
-        `update(done, total, text)`, which sets the progress and a short text next to the bar.
+        `update(done, total, text)`, a function that sets the progress and a short text next to the bar.
     """
     if not sys.stderr.isatty():
         yield lambda done, total, text="": None
@@ -334,7 +371,7 @@ def progress(label: str, expected: Expected | None = None) -> Iterator[Callable[
 
 
 def message(text: str) -> None:
-    """Print a line on stderr, above a progress bar; Click would overwrite the bar."""
+    """Print a line on stderr, above a progress bar, which Click would overwrite."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -353,12 +390,16 @@ def expected_seconds(frame: pl.DataFrame, *, steps: bool = False) -> Expected:
 
 
 def is_long(expected: Expected | None) -> bool:
-    """Return whether work is expected to be long and stderr is a terminal, so that messages help."""
+    """Return whether work is expected to be long and stderr is a terminal, so that messages help.
+
+    Args:
+        expected: Expected range of the work's duration; None if unknown.
+    """
     return expected is not None and expected.middle > LONG and sys.stderr.isatty()
 
 
 def tell_duration(frame: pl.DataFrame, expected: Expected | None, *, steps: bool = False) -> None:
-    """Print the expected range of the duration of a long diagnosis.
+    """Print the expected range of the duration of a long diagnosis on stderr.
 
     Args:
         frame: The recording.
@@ -401,7 +442,7 @@ def tell_provisional(
 
 
 def here(root: Any) -> Callable[[Step], None]:
-    """Return a function that runs a step of a study in this process.
+    """Return a function that runs a step of a study, which is a command of hydro, in this process.
 
     Args:
         root: Root command group of hydro, which runs the step's command line.

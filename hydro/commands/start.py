@@ -160,15 +160,15 @@ def start(
 
 @dataclass
 class Given:
-    """Options of the command line.
+    """Options of the command line of `hydro start`.
 
     Attributes:
-        logs: The logs.
-        map: A map file; None without one.
+        logs: Paths of the logs.
+        map: A map file, the meaning of the logs' columns; None without one.
         lines: Texts of blocks of the map, by the name of the block, such as `velocity`.
         vehicle: A vehicle file; None without one.
         preset: Name of a known vehicle.
-        layout: Name of a layout.
+        layout: Name of a layout of thrusters.
         hull: `mass`, `length`, `width`, `height`, `thrust` as far as given.
         reading: Further options of `hydro import`.
     """
@@ -188,7 +188,7 @@ class Given:
         return self.preset is not None or self.layout is not None or bool(self.hull)
 
     def check(self) -> None:
-        """Refuse options that set the same thing twice.
+        """Raise an error if two options set the same thing.
 
         Raises:
             UsageError: Two options set the same thing.
@@ -228,7 +228,7 @@ class _Guide:
         self._code = 0
 
     def run(self) -> None:
-        """Ask the questions, run the commands, and list the written files."""
+        """Ask the user the questions, run the commands of the study, and list the written files."""
         from hydro.study import guided
         from hydro.study.steps import Runner
 

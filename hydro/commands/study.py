@@ -362,7 +362,11 @@ def _paper(settings: Study, steps_of: Runner, together: int) -> None:
 
 
 def show(summary: dict[str, pl.DataFrame]) -> None:
-    """Print the summary tables of a study of networks."""
+    """Print the summary tables of a study of networks.
+
+    Args:
+        summary: Metrics tables by name, from `study.summary.summarise`.
+    """
     from hydro.report.seeds import conditioning_table, minutes_table, ranking_table
     from hydro.report.tables import prediction_errors, replay_errors
 

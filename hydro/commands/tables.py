@@ -32,6 +32,11 @@ def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = 
 
     On a narrow terminal, sentences wrap first; numbers and names are never broken.  Columns that still do not
     fit follow in a second table with the same row names.
+
+    Args:
+        frame: The table.
+        title: Title to print above the table.
+        console: Console to print on; by default that for a person.
     """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console

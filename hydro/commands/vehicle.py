@@ -39,7 +39,19 @@ Text = str | None
 
 @dataclass
 class Asked:
-    """Options of `vehicle new`, completed by the answers to questions so far."""
+    """Options of `vehicle new`, completed by the answers to questions so far; None for a missing answer.
+
+    Attributes:
+        name: Name of the vehicle.
+        mass: Dry mass [kg].
+        sides: Length, width, height of the hull [m].
+        buoyancy: Text of the buoyant force [N], or `neutral`.
+        metacentric_height: Height of the centre of buoyancy over that of gravity [m].
+        thrusters: Texts with the numbers of one thruster each.
+        layout: Name of a layout of thrusters.
+        thrust: Greatest thrust of each thruster [N].
+        curve: Name of the thrust curve.
+    """
 
     name: str | None
     mass: float | None
@@ -278,7 +290,7 @@ def _prompt(question: str, check: Callable[[str], Any] = str, default: str | Non
 
 
 def above_0(text: str) -> float:
-    """Return the positive, finite number in a text.
+    """Return the positive, finite number that a text contains.
 
     Raises:
         UsageError: The text is not such a number.

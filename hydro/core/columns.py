@@ -41,7 +41,7 @@ VOLTAGE = "voltage"
 
 
 def command_column(thruster: int) -> str:
-    """Return the name of a thruster's command column; thrusters count from 0, columns from 1."""
+    """Return the name of a thruster's command column, for example `cmd_1` for `thruster` 0."""
     return f"{COMMAND}{thruster + 1}"
 
 
@@ -51,12 +51,12 @@ def command_columns(thrusters: int) -> list[str]:
 
 
 def checked_commands(columns: Iterable[str], thrusters: int, vehicle: str) -> list[str]:
-    """Return the names `cmd_1 ... cmd_n` of a table's command columns, if they are those of n thrusters.
+    """Return the names of a table's command columns, `cmd_1 ... cmd_n`; check that there are n of them.
 
     Args:
         columns: Names of all columns of the table.
-        thrusters: Number of thrusters of the vehicle.
-        vehicle: Name of the vehicle, for the error line.
+        thrusters: Number n of thrusters of the vehicle.
+        vehicle: Name of the vehicle, for the error message.
 
     Raises:
         DataError: A command column is missing or superfluous.

@@ -51,10 +51,12 @@ def _cache_folder(part: str) -> Path | None:
 
 
 def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
-    """Return the files of modules that compile something, and of all hydro modules that they import, sorted.
+    """Return the source files on which compiled kernels depend, sorted.
+
+    They are the modules that compile something, and all hydro modules that these import.
 
     Args:
-        parts: Layers whose modules count, some of PARTS; imports count from every layer.
+        parts: Layers whose compiling modules count, some of PARTS; imported modules count from every layer.
     """
     sources = _sources()
     own = tuple(f"hydro.{part}." for part in parts)
@@ -108,15 +110,16 @@ def jit(
     within: bool = False,
     embeds: bool = True,
 ) -> F:
-    """Return a function compiled with `numba.njit`; its code is cached on disk where a folder is usable.
+    """Return a function compiled with `numba.njit`; the machine code is cached on disk.
 
     Args:
-        function: Function to compile.
+        function: Python function to compile.
         reorder_sums: Allow another, fixed order of additions, so that long sums use vector instructions.  The
             result is reproducible on one machine; its rounding may differ on another.
-        counted: Count references to arrays; a function that allocates or returns an array needs that.
-        within: Inline the code into its callers; an array otherwise takes seven arguments of a call.
-        embeds: Compile the code for other kernels only as a part of their code (`embedded_code`).
+        counted: Count references to arrays; a function that allocates or returns an array needs the count.
+        within: Inline the code into its callers; otherwise a call passes seven arguments per array.
+        embeds: Give other kernels an uncompiled form, which is compiled as a part of their code
+            (`embedded_code`).
     """
     options = _options(counted=counted, within=within, reorder_sums=reorder_sums)
     if reorder_sums:  # as a part of other code it might add in another order
@@ -131,18 +134,17 @@ def jit(
 
 
 def kernel(function: F, *, reorder_sums: bool = False, within: bool = False, embeds: bool = True) -> F:
-    """Return a compiled function; it must not allocate or return arrays, nor call a function that does.
+    """Return a compiled function without reference counts: it must not allocate or return arrays.
 
-    Numba counts references to the memory of every slice, with atomic operations that take longer than the
-    arithmetic of a thruster.  The caller of a kernel holds its arrays, so counting is unnecessary.  A kernel
-    that allocates an array does not compile.  Tests check that no kernel returns an array and that no memory
-    leaks.
+    The function must not call a function that does so, either.  Numba counts references to the memory of
+    every slice, with atomic operations that take longer than the arithmetic of a thruster.  The caller of a
+    kernel holds its arrays, so counting is unnecessary.  A kernel that allocates an array does not compile.
 
     Args:
-        function: Function to compile.
+        function: Python function to compile.
         reorder_sums: Allow another, fixed order of additions, so that long sums use vector instructions.
         within: Inline the code into its callers.
-        embeds: Compile the code for other kernels only as a part of their code.
+        embeds: Give other kernels an uncompiled form, which is compiled as a part of their code.
     """
     return jit(function, reorder_sums=reorder_sums, counted=False, within=within, embeds=embeds)
 
@@ -153,7 +155,7 @@ def within(function: F) -> F:
 
 
 def separate(function: F) -> F:
-    """Return a compiled `kernel` for long functions: callers call its code instead of containing a copy."""
+    """Return a compiled `kernel` for a long function: callers do not contain a copy of its code."""
     compiled = kernel(function, embeds=False)
     separate_code.separate(compiled)
     return compiled
@@ -180,18 +182,18 @@ def _options(*, counted: bool, within: bool = False, reorder_sums: bool = False)
 
 @kernel
 def copy_kernel(values: Any, out: Any) -> None:
-    """Copy a vector to `out`, of the same length; assignment of a slice to a slice may allocate memory."""
+    """Copy the vector `values` to `out`, of the same length, without allocating memory."""
     for i in range(out.size):
         out[i] = values[i]
 
 
 def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
-    """Return a decorator that compiles a function with `numba.cfunc` and caches the code.
+    """Return a decorator that compiles a function with `numba.cfunc` and caches the machine code on disk.
 
-    C code can call the result by its address, without Python's global lock.
+    C code can call the compiled function by its address, without Python's global lock.
 
     Args:
-        signature: Types of the result and of the arguments, as `numba.cfunc` takes them.
+        signature: Types of the result and of the arguments, in the form that `numba.cfunc` takes.
         counted: Whether references to arrays are counted; False is faster, and possible for a function that
             allocates and returns no array.
     """

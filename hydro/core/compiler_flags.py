@@ -17,7 +17,11 @@ _HASH = hash(Flags())  # numba's hash of flags does not depend on their values
 
 
 class QuickFlags(Flags):  # type: ignore[misc]
-    """Flags that are equal if they compile an operation alike; only options that were set are compared."""
+    """Flags with which numba compiles a kernel, with a quick test of equality.
+
+    They equal other flags under which an operation compiles to the same code.  Only options that were set are
+    compared, without those that concern the entry of a function (`no_cpython_wrapper`, `no_cfunc_wrapper`).
+    """
 
     __slots__ = ()
 
@@ -38,7 +42,7 @@ class QuickFlags(Flags):  # type: ignore[misc]
 
 
 def quicken(dispatcher: Any) -> None:
-    """Change a kernel's dispatcher so that it compiles with `QuickFlags`.
+    """Change a kernel's dispatcher in place so that it compiles with `QuickFlags`.
 
     Args:
         dispatcher: Numba's dispatcher of the kernel.  A plain function stays as it is; with NUMBA_DISABLE_JIT

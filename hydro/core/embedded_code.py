@@ -38,18 +38,18 @@ class _Embedded(_Outermost):
 
     @property
     def codegen(self) -> _Embedded:
-        """This library, for its `set_env`."""
+        """This library itself, in the place of numba's code generator, so that numba calls its `set_env`."""
         return self
 
     def set_env(self, name: str, environment: object) -> None:
-        """Store nothing: only wrappers for Python use the environment of a function."""
+        """Do nothing; numba stores a function's Python environment here, which embedded code never uses."""
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0, numba's value for a function without machine code."""
         return 0
 
     def finalize(self) -> None:
-        """Link the code of the called functions; the outermost caller optimises it."""
+        """Link the intermediate code of all called functions into this library, without optimising it."""
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
@@ -76,10 +76,10 @@ class _EmbeddedCompiler(Compiler):  # type: ignore[misc]
 
 
 def outermost(function: Callable[..., Any], **options: Any) -> Any:
-    """Return a kernel for Python.
+    """Return a kernel, compiled with all kernels that it calls as one piece of code, for calls from Python.
 
     Args:
-        function: The function.
+        function: Python function to compile.
         options: Options of `numba.njit`.
     """
     compiler = {"pipeline_class": _OutermostCompiler} if _KNOWN else {}
@@ -92,10 +92,10 @@ def _quick(kernel: Any) -> Any:
 
 
 def embedded(function: Callable[..., Any], **options: Any) -> Any:
-    """Return a kernel for the use of other kernels; a call from Python ends the process.
+    """Return the form of a kernel that only other kernels can call; a call from Python ends the process.
 
     Args:
-        function: The function itself, not a compiled form of it.
+        function: Python function, not a compiled form of it.
         options: Options of `numba.njit`.
     """
     compiler = {"pipeline_class": _EmbeddedCompiler} if _KNOWN else {}
@@ -103,12 +103,12 @@ def embedded(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def embed(dispatcher: Any, part: Any) -> None:
-    """Make callers of a kernel use its embedded form; Python still calls the kernel itself.
+    """Change a kernel's dispatcher in place, so that kernels that call the kernel use its embedded form.
 
     Args:
         dispatcher: Numba's dispatcher of the kernel.  A plain function stays as it is; with NUMBA_DISABLE_JIT
             kernels are plain functions.
-        part: The kernel's form for other kernels, from `embedded`.
+        part: The kernel's embedded form, from `embedded`.
     """
     if isinstance(dispatcher, Dispatcher):
         kernel: Any = dispatcher  # numba's stubs do not allow another method

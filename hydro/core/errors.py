@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 class HydroError(Exception):
-    """Error with one clear line for the user: where, problem and remedy."""
+    """Base class of errors for the user; the message is one line: where, problem and remedy."""
 
     exit_code = 1
 
@@ -31,17 +31,17 @@ class UsageError(HydroError):
 
 
 def shown(text: str) -> str:
-    """Return a text for an error line: as it is, or quoted and escaped if a character is not printable."""
+    """Return `text` for an error line: unchanged, or quoted and escaped if a character is not printable."""
     return text if text.isprintable() else repr(text)
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words as an enumeration, such as `a, b and c`; `last` is the conjunction."""
+    """Return words as one enumeration, such as `a, b and c`; `last` is the word before the last one."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def in_shell(text: str) -> str:
-    """Return a text quoted as one word of a shell command, for a command that an error line suggests."""
+    """Return `text` quoted as one word of a shell command, for commands that messages suggest."""
     return shlex.quote(text) if text.isprintable() else shown(text)

@@ -15,14 +15,14 @@ EXTRA_OF = {"torch": "learn", "torchrl": "rl", "tensordict": "rl", "gymnasium": 
 
 
 class MissingExtraError(UsageError, ImportError):
-    """A package of an extra is not installed."""
+    """Error: a package of an optional extra (`pip install 'deep-hydro-sim[EXTRA]'`) is not installed."""
 
 
 def missing(package: str) -> MissingExtraError:
-    """Return (not raise) the error that names the extra of a package that is not installed.
+    """Return (not raise) the error that tells which extra to install for a missing package.
 
     Args:
-        package: Import package, a key of `EXTRA_OF`.
+        package: Import name of the package, a key of `EXTRA_OF`.
     """
     return MissingExtraError(
         f"{package} is not installed: install hydro's extra `{EXTRA_OF[package]}`: "

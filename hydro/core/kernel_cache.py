@@ -188,7 +188,7 @@ def _announce_compilation(place: str) -> None:
 
 
 def tell_compiled() -> None:
-    """Count a compiled kernel, and print the count if the last line is older than SILENCE."""
+    """Count one more compiled kernel, and print the count if the last line is older than SILENCE [s]."""
     if _First.told is None:
         return
     _First.count += 1
@@ -264,7 +264,11 @@ class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
         return separate_code.referred(cres.library), super().reduce(cres)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return the compiled function; None if separate code to which it refers was compiled again since."""
+        """Return the compiled function from its cached form.
+
+        Returns:
+            The function; None if separate code that it calls has been compiled again since.
+        """
         symbols, compiled = payload
         return super().rebuild(target_context, compiled) if separate_code.are_loaded(symbols) else None
 
@@ -273,7 +277,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
     """Cache of one function's machine code on disk; a fault of the cache costs time, but raises nothing.
 
     Args:
-        function: The function.
+        function: The Python function.
         place: Folder of the cache, which only the user can write to (`folder`).
 
     Raises:
@@ -293,7 +297,12 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
         self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function of a signature; None if it must be compiled."""
+        """Return the compiled function for a signature from the cache; None if it must be compiled.
+
+        Args:
+            sig: Numba's types of the arguments.
+            target_context: Numba's context of the target machine.
+        """
         try:
             if _fault_in_existing(self._cache_path):
                 return None
@@ -304,7 +313,10 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store the compiled function `data` of a signature; a full or read-only disk gives a warning."""
+        """Store the compiled function `data` of the signature `sig`.
+
+        A full or read-only disk gives a warning.
+        """
         tell_compiled()
         if not _Saving.works:
             return

@@ -9,14 +9,14 @@ from hydro.core.compiled import kernel
 
 
 def leaky_sum(values: Array, keep: float) -> Array:
-    """Return the leaky sum of rows, y_k = values_k + keep y_k-1, from y_-1 = 0.
+    """Return the leaky sum of the rows of `values`: y_k = values_k + keep y_(k-1), with y_(-1) = 0.
 
     Args:
         values: Summands of K independent sums in N rows, (N, K); unchanged.
-        keep: Share of the sum that the next row keeps, 0 to 1.
+        keep: Fraction of the last sum that the next row keeps, 0 to 1.
 
     Returns:
-        The sums, (N, K).
+        The sums y, (N, K).
     """
     out = np.array(values, np.float64, order="C")
     _add_previous(keep, out)

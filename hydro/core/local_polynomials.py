@@ -15,9 +15,9 @@ from hydro.core.columns import Array
 
 
 def savitzky_golay_weights(width: int, degree: int, *, deriv: int = 0, dt: float = 1.0) -> Array:
-    """Return the weights of a sample and its neighbours in the value (or derivative) of their polynomial.
+    """Return the weights of neighbouring samples in a smoothed sample, or in its derivative.
 
-    The polynomial is fitted by least squares to `width` samples; its value counts at the middle sample.
+    A polynomial is fitted to `width` samples by least squares and evaluated at the middle sample.
 
     Args:
         width: Number of samples of a polynomial, odd and greater than `degree`.
@@ -26,7 +26,7 @@ def savitzky_golay_weights(width: int, degree: int, *, deriv: int = 0, dt: float
         dt: Time between samples [s].
 
     Returns:
-        The weights in the order of a convolution, (width,) [1/s^deriv].
+        The weights [1/s^deriv], (width,), in the order of `numpy.convolve`: the last sample's weight first.
     """
     half = width // 2
     powers = np.arange(half, -half - 1, -1.0) ** np.arange(degree + 1.0)[:, None]

@@ -9,15 +9,20 @@ Progress = Callable[[str, float], None]
 
 
 def silent(words: str, share: float) -> None:
-    """Do nothing: the `Progress` of a caller that shows none."""
+    """Do nothing: the default callback, which shows no progress.
+
+    Args:
+        words: Present step of the work.
+        share: Part of the work that is done, 0 to 1.
+    """
 
 
 def part(progress: Progress, begin: float, end: float) -> Progress:
-    """Return a callback that reports the progress of a part of the work as progress of the whole.
+    """Return a callback for one part of a work, which reports to the callback `progress` of the whole work.
 
     Args:
         progress: Callback for the whole work.
-        begin: Share of the whole at which the part begins, 0 to 1.
-        end: Share of the whole at which the part ends, 0 to 1.
+        begin: Fraction of the whole work, 0 to 1, that is done when the part begins.
+        end: Fraction of the whole work that is done when the part ends.
     """
     return lambda words, share: progress(words, begin + (end - begin) * share)

@@ -17,10 +17,10 @@ from numba.core.dispatcher import Dispatcher
 
 
 class Symbol(NamedTuple):
-    """Machine code of a separate kernel for one signature.
+    """Name of the machine code of a separate kernel (`compiled.separate`) for one signature.
 
     Attributes:
-        name: Name of the symbol; it differs between compilations.
+        name: Name of the linker's symbol; it differs between compilations.
         module: Module of the kernel.
         kernel: Name of the kernel in its module.
         arguments: Numba's types of the arguments.
@@ -40,11 +40,11 @@ _PRIVATE = "_get_module_for_linking", "_shared_module", "_final_module"
 
 
 def separate(dispatcher: Any) -> None:
-    """Make callers that are compiled from now on refer to a kernel's code instead of copying the code.
+    """Change a kernel's dispatcher in place: later compiled callers call its code instead of copying it.
 
     Args:
-        dispatcher: Numba's dispatcher of the kernel.  Its `compile` runs before a caller is linked.  A plain
-            function stays as it is; with NUMBA_DISABLE_JIT kernels are plain functions.
+        dispatcher: Numba's dispatcher of the kernel, whose `compile` then runs before a caller is linked.  A
+            plain function stays as it is; with NUMBA_DISABLE_JIT kernels are plain functions.
     """
     if not isinstance(dispatcher, Dispatcher):
         return
@@ -77,7 +77,7 @@ def _declare(result: Any, place: tuple[str, str], arguments: tuple[Any, ...]) ->
 
 
 def referred(library: Any) -> list[Symbol]:
-    """Return the symbols of separate kernels that newly compiled code refers to.
+    """Return the symbols of the separate kernels that the newly compiled code of a caller calls.
 
     Args:
         library: Numba's code library of the caller.
@@ -89,10 +89,10 @@ def referred(library: Any) -> list[Symbol]:
 
 
 def are_loaded(symbols: Sequence[Symbol]) -> bool:
-    """Load separate kernels from the cache; return whether every given symbol exists in this process then.
+    """Load separate kernels from the cache, and return whether each of the given symbols exists afterwards.
 
-    Code that was compiled again since has other symbols.  Code that refers to the old ones must not be
-    loaded, because LLVM ends the process if it does not find a symbol.
+    A kernel that was compiled again has a new symbol.  Code that calls an old symbol must not be loaded,
+    because LLVM ends the process if it does not find a symbol.
     """
     for symbol in symbols:
         if symbol.name not in _SYMBOLS and (symbol.module, symbol.kernel) in _DISPATCHERS:

@@ -18,10 +18,10 @@ VARIABLE, COMPILER = "HYDRO_THREADS", "NUMBA_NUM_THREADS"
 
 
 def available() -> int:
-    """Return the number of threads for shared work; no result depends on it.
+    """Return the number of threads that one computation may use; no result depends on the number.
 
-    A worker of a cluster sees all processors of a machine and may use only some.  The scheduler sets its
-    share in HYDRO_THREADS.  Within `shared`, the threads divide that share among themselves.
+    It is HYDRO_THREADS, or else the number of processors.  Within `shared`, the threads divide it among
+    themselves.
 
     Raises:
         UsageError: HYDRO_THREADS is not a whole number from 1.
@@ -30,7 +30,7 @@ def available() -> int:
 
 
 def require_numbers() -> None:
-    """Check that HYDRO_THREADS and NUMBA_NUM_THREADS, where they are set, are numbers of threads.
+    """Check that HYDRO_THREADS and NUMBA_NUM_THREADS are numbers of threads, if they are set.
 
     Numba would raise on its import otherwise.
 
@@ -57,14 +57,13 @@ def _number(name: str) -> int | None:
 
 
 def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-    """Apply `work` to every item in parallel threads; yield the results in order.
+    """Apply `work` to every item in parallel threads; yield the results in the order of the items.
 
-    This pays for work of some hundredths of a second or more.  Compiled kernels run in parallel, and the
-    Python code of one item runs while the kernels of another do.  With one thread, work stays in the current
-    one.
+    Threads pay for work of some hundredths of a second or more.  Compiled kernels run in parallel; Python
+    code does not.  With one available thread, the current thread does the work.
 
     Args:
-        work: Function of an item.
+        work: Function of one item.
         items: The items; all are read before the first result.
     """
     every = list(items)
@@ -83,15 +82,15 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
 
 
 def spread(work: Callable[[T], R], pieces: Iterable[T], threads: int | None = None) -> list[R]:
-    """Apply `work` to every piece of one evaluation; return the results in order.
+    """Apply `work` to every piece in parallel threads; return the results in the order of the pieces.
 
-    With one piece or one thread, work stays in the current thread: an evaluation takes milliseconds, and
-    starting a thread would cost a significant part of that.
+    With one piece or one thread, the current thread does the work: a piece takes milliseconds, and starting a
+    thread would cost a significant part of that.
 
     Args:
-        work: Function of a piece; it starts no threads itself.
+        work: Function of one piece; it starts no threads itself.
         pieces: The pieces.
-        threads: Number of threads; by default those that are available.
+        threads: Number of threads; by default `available()`.
     """
     every = list(pieces)
     count = min(threads or available(), len(every))

@@ -45,7 +45,13 @@ SITL sends hundreds of frames a second, and uses another port after a restart.
 
 @dataclass(frozen=True)
 class Frame:
-    """Request of SITL: servo outputs [us], frame rate [Hz], and number of the frame."""
+    """Request of ArduPilot's simulation interface (SITL) for one time step.
+
+    Attributes:
+        rate: Frame rate [Hz].
+        number: Number of the frame.
+        pwm: Servo outputs [us].
+    """
 
     rate: int
     number: int
@@ -53,7 +59,7 @@ class Frame:
 
 
 def frame(packet: bytes) -> Frame | None:
-    """Parse a packet; return None if it is not a frame."""
+    """Return the request of SITL that a UDP packet contains; None if the packet is no request."""
     if len(packet) < HEAD.size:
         return None
     magic, rate, number = HEAD.unpack_from(packet)
@@ -64,7 +70,7 @@ def frame(packet: bytes) -> Frame | None:
 
 
 def answer(reading: Reading) -> bytes:
-    """Return the state of a vehicle as SITL reads it: SI units, body axes FRD, world NED."""
+    """Return the state of a vehicle as the JSON bytes that SITL reads: SI units, body axes FRD, world NED."""
     state = {
         "timestamp": reading.time,
         "imu": {"gyro": reading.nu[3:].tolist(), "accel_body": reading.specific_force.tolist()},
@@ -77,7 +83,7 @@ def answer(reading: Reading) -> bytes:
 
 
 def channels(text: str, thrusters: int) -> tuple[int, ...]:
-    """Parse the servo outputs of the thrusters, in the order of the vehicle file, from a text like `1,2,-3`.
+    """Return the servo outputs of the thrusters, in the order of the vehicle file, from a text like `1,2,-3`.
 
     Outputs are counted from 1; a negative number is a reversed thruster.
 
@@ -137,7 +143,7 @@ class Counts:
 
 @dataclass
 class Sub:
-    """Vehicle that is driven by servo outputs.
+    """Simulated vehicle that SITL's servo outputs drive.
 
     Attributes:
         vehicle: The vehicle file.
@@ -202,7 +208,7 @@ def serve(
     ready: Callable[[int], Any] = lambda port: None,
     ended: Callable[[float], bool] = lambda idle: False,
 ) -> None:
-    """Answer frames until `ended` returns True.
+    """Answer SITL's frames on a UDP port until `ended` returns True.
 
     Args:
         sub: The vehicle.

@@ -48,7 +48,7 @@ SUBSTEPS = 10
 
 
 class Symbols:
-    """CasADi algebra for the tracer."""
+    """Interface of CasADi's symbols for `export.tracing`, which runs numeric functions on symbols."""
 
     def __init__(self) -> None:
         import casadi as ca
@@ -75,15 +75,18 @@ class Symbols:
         return isinstance(value, self._ca.SX)
 
     def select(self, test: Any, yes: Any, no: Any) -> Any:
-        """Return `yes` where `test` holds, otherwise `no`; the other value has no influence, even if NaN."""
+        """Return `yes` where the symbolic condition `test` holds, otherwise `no`.
+
+        The value that is not chosen has no influence, even if it is NaN.
+        """
         return self._ca.if_else(test, yes, no)
 
     def both(self, one: Any, other: Any) -> Any:
-        """Return whether both conditions hold, as a symbol."""
+        """Return a symbolic condition that holds if both given conditions hold."""
         return self._ca.logic_and(one, other)
 
     def negated(self, one: Any) -> Any:
-        """Return whether a condition does not hold, as a symbol."""
+        """Return a symbolic condition that holds if the given condition does not hold."""
         return self._ca.logic_not(one)
 
     def _known_or(self, known: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:
@@ -127,7 +130,7 @@ class Functions:
 
 
 def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) -> Functions:
-    """Build the equations of motion of a vehicle as CasADi functions.
+    """Return the equations of motion of a vehicle as CasADi functions.
 
     Args:
         vehicle: The vehicle; errors of its DVL are ignored.
@@ -182,7 +185,7 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
 
 @dataclass(frozen=True)
 class CommandDelays:
-    """Delays of commands in steps of one length.
+    """Delays of the thrusters' commands, expressed in steps of one length.
 
     Attributes:
         whole: Whole steps of delay of each thruster.
@@ -198,7 +201,7 @@ class CommandDelays:
 
     @classmethod
     def of(cls, delays: list[float], length: float) -> CommandDelays:
-        """Return the command delays in steps of `length` [s], given the thrusters' delays [s]."""
+        """Return the thrusters' delays `delays` [s] expressed in steps of `length` [s]."""
         whole = [math.floor(delay / length + CLOSE) for delay in delays]
         rest = [max(0.0, delay - length * k) for delay, k in zip(delays, whole, strict=True)]
         part = [one if one > CLOSE * length else 0.0 for one in rest]
@@ -225,7 +228,12 @@ class CommandDelays:
             yield end - begin, ca.vertcat(*(known[i, k] for i, k in enumerate(ago)))
 
     def after(self, past: Any, u: Any) -> list[Any]:
-        """Return the past commands after a step with the commands u, in the order of `slots`."""
+        """Return the stored past commands, in the order of `slots`, after a step with the commands `u`.
+
+        Args:
+            past: Past commands before the step, a CasADi vector with one entry per slot.
+            u: Commands of the step, a CasADi vector with one entry per thruster.
+        """
         known = {slot: past[place] for place, slot in enumerate(self.slots)}
         return [u[i] if k == 0 else known[i, k - 1] for i, k in self.slots]
 
@@ -289,7 +297,7 @@ def delays(effect: Any) -> bool:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Return the effects that the differential equation f cannot represent: DVL errors and command delays."""
+    """Return the properties of a vehicle that f cannot represent: DVL errors and command delays."""
     found = lacking_effects(vehicle, sensor_reason)
     if (thruster_table(vehicle)[:, DELAY] > 0.0).any():
         why = "included in step, as past commands; f and jacobian take delayed commands"
@@ -298,7 +306,7 @@ def lacks(vehicle: Vehicle) -> list[Lack]:
 
 
 def to_casadi(vehicle: Vehicle) -> bytes:
-    """Return the content of one CasADi file with the functions f, jacobian, step and start, in this order.
+    """Return a file's content with the CasADi functions f, jacobian, step and start, in this order.
 
     Raises:
         DataError: An effect or a thruster of the vehicle is invalid.

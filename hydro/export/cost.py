@@ -14,7 +14,7 @@ ALL = "all of it"  # name of the row without all unsupported properties
 
 
 def of_lacks(vehicle: Vehicle, lacks: Sequence[Lack], raw: pl.DataFrame | None = None) -> pl.DataFrame:
-    """Compute the prediction errors due to the properties that a target cannot represent.
+    """Return a table of the prediction errors that the missing properties of an export target cause.
 
     Args:
         vehicle: The vehicle.

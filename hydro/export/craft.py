@@ -34,7 +34,7 @@ def euler_angles(q: Numbers) -> Numbers:
 
 
 def same_type(given: Any, values: Numbers) -> Any:
-    """Return the values as a float array if `given` is an array, otherwise as a list."""
+    """Return numbers as a float array if `given` is an array, otherwise as the list `values` itself."""
     if not hasattr(given, "astype"):
         return values
     out = given.astype(float)

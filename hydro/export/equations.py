@@ -34,7 +34,7 @@ Numbers = Any
 
 
 def interpolated(at: float, points: Numbers, values: Numbers) -> float:
-    """Interpolate linearly between points, and hold the first and the last value beyond them.
+    """Return the value at an abscissa, interpolated linearly between points and constant beyond them.
 
     Args:
         at: Abscissa of the result.
@@ -73,7 +73,7 @@ def effective(thruster: Numbers, curve: Any, command: Any) -> Any:
 
 
 class Model:
-    """Vehicle as numbers and kernels.
+    """Vehicle as plain numbers and functions (kernels), without arrays.
 
     Attributes:
         flat: Header and constants of the vehicle's program, which the kernels read.
@@ -151,7 +151,9 @@ def initial_states(model: Model, y: Numbers, time: float) -> Numbers:
 
 
 def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numbers) -> Numbers:
-    """Return the time derivative of the state; Fossen (2011), eq. 7.190 and section 2.2.2.
+    """Return the time derivative of the state, in the order of `y`.
+
+    Fossen (2011), eq. 7.190 and section 2.2.2.
 
     Args:
         model: Vehicle.

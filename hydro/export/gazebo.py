@@ -60,7 +60,7 @@ PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
 
 
 def to_sdf(vehicle: Vehicle) -> bytes:
-    """Return the content of an SDF world file with the vehicle.
+    """Return the bytes of an SDF world file with a vehicle in water.
 
     Raises:
         DataError: An effect, a thruster or a name is invalid, or the vehicle has no buoyancy.
@@ -97,7 +97,7 @@ def to_sdf(vehicle: Vehicle) -> bytes:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Return the properties that Gazebo cannot represent."""
+    """Return the properties of a vehicle that Gazebo cannot represent, such as some effects."""
     c = constants(vehicle, entries(vehicle))
     supported = {entry.where for entry in entries(vehicle) if _supports(entry, c)}
     names = {entry.effect.name for entry in entries(vehicle) if entry.where not in supported}
@@ -112,7 +112,7 @@ def lacks(vehicle: Vehicle) -> list[Lack]:
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """Return further warnings for the user of the file."""
+    """Return sentences of warning for the user of the SDF file, such as that thrusters take newtons."""
     lines = ["thrusters take newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
     found = _supported(vehicle)
     added, body = np.diag(inertia_matrix(found)), np.diag(mass_matrix(found))

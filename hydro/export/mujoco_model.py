@@ -8,7 +8,7 @@ from hydro.export.targets import Lack, Target, lacking_effects, sensor_reason
 
 
 def to_mjcf(vehicle: Vehicle) -> bytes:
-    """Return the content of an MJCF file with the vehicle, with Runge-Kutta integration at 2 ms.
+    """Return the bytes of an MJCF file with a vehicle, with Runge-Kutta integration at 2 ms.
 
     Raises:
         DataError: The vehicle cannot be simulated.
@@ -20,12 +20,16 @@ def to_mjcf(vehicle: Vehicle) -> bytes:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Return the errors of the DVL; the target has no other lacks."""
+    """Return the properties of a vehicle that the MJCF file cannot represent: the errors of its DVL."""
     return lacking_effects(vehicle, sensor_reason)
 
 
 def warnings(vehicle: Vehicle) -> list[str]:
-    """Return a warning if the model's controls are effective commands and not those of the vehicle file."""
+    """Return a warning if the model's controls are effective commands and not those of the vehicle file.
+
+    Returns:
+        A list of one sentence; empty if no thrust curve is a table.
+    """
     curved = [thruster.name for thruster in vehicle.thruster if table_of(thruster) is not None]
     if not curved:
         return []

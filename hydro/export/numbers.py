@@ -16,7 +16,7 @@ from hydro.export.equations import Model, Numbers
 
 
 def model_of(vehicle: Vehicle, kernel: Callable[[Any, str], Any] = lambda function, name: function) -> Model:
-    """Build the model of a vehicle, with thrust tables at its nominal voltage.
+    """Return a vehicle as plain numbers and kernels, with thrust tables at its nominal voltage.
 
     Args:
         vehicle: The vehicle.

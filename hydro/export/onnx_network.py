@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def to_onnx(trained: Model | Policy) -> bytes:
-    """Export a residual network (`learn.export`) or a policy as an ONNX graph.
+    """Return a residual network (`learn.export`) or a policy as the bytes of an ONNX file.
 
     Raises:
         DataError: The tensors of a network do not fit its architecture.
@@ -24,9 +24,9 @@ def to_onnx(trained: Model | Policy) -> bytes:
 
 
 def of_policy(policy: Policy) -> bytes:
-    """Export a policy as a graph from `observations` (N, O) in SI units to `actions` (N, A), all float32.
+    """Return a policy as the bytes of an ONNX file: `observations` (N, O) in SI units to `actions` (N, A).
 
-    A policy with stacked observations takes the steps in one row, the newest first.
+    All are float32.  A policy with stacked observations takes the steps in one row, the newest first.
     """
     import torch
 

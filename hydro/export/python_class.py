@@ -30,7 +30,7 @@ After Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011). 
 
 
 def to_python(vehicle: Vehicle) -> bytes:
-    """Return the content of a Python file with the class of a vehicle.
+    """Return the bytes of a Python file with a class that simulates a vehicle.
 
     `class_name` gives the name of the class; `Vehicle` is prepended if that name is already used in the file.
 
@@ -76,7 +76,7 @@ def class_name(vehicle: str) -> str:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Return the errors of the DVL; the target has no other lacks."""
+    """Return the properties of a vehicle that the class cannot represent: the errors of its DVL."""
     return lacking_effects(vehicle, sensor_reason)
 
 

@@ -26,7 +26,7 @@ Definition = ast.FunctionDef | ast.ClassDef
 def definition(function: Callable[..., Any]) -> Definition:
     """Return the syntax tree of a function, kernel or class, without decorators and annotations.
 
-    The attribute `size` of a vector becomes its `len`, so that the code accepts lists.
+    The attribute `size` of a vector is replaced by `len`, so that the code accepts lists.
     """
     (tree,) = ast.parse(textwrap.dedent(inspect.getsource(plain(function)))).body
     assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
@@ -84,7 +84,7 @@ class _RemoveTypes(ast.NodeTransformer):
 
 
 class Bundle:
-    """Module under construction, with definitions in the order of their use.
+    """Collector of functions and classes, in the order of their use, that become one Python module.
 
     Attributes:
         constants: Numbers by name.
@@ -97,14 +97,13 @@ class Bundle:
         self._named: dict[Any, str] = {}
 
     def add(self, thing: Any, name: str = "") -> str:
-        """Add a function, kernel or class, with all that it uses.
+        """Add a function, kernel or class to the module, with all that it uses.
+
+        Return its name in the module.
 
         Args:
             thing: Function, kernel or class.
             name: Name in the module; by default the name of the thing itself.
-
-        Returns:
-            Its name in the module.
         """
         known = plain(thing)
         if known not in self._named:
@@ -117,7 +116,7 @@ class Bundle:
         return self._named[known]
 
     def text(self) -> str:
-        """Return the text of the module, without a head."""
+        """Return the source text of the module, without its docstring."""
         constants = "\n".join(f"{name} = {value!r}" for name, value in self.constants.items())
         return "\n\n\n".join(["import math", constants, *self.definitions.values()])
 

@@ -1,4 +1,4 @@
-"""Targets of `hydro export`: input, output and lacks of each.
+"""Targets of `hydro export` (programs and file formats): input, output and missing properties of each.
 
 A target is one file with a `TARGET`, listed in `MODULES`; the command, its help and its tests read them here.
 """
@@ -40,7 +40,7 @@ class Lack:
 
 @dataclass(frozen=True)
 class Target:
-    """Target of an export.
+    """Program or file format to which `hydro export` writes.
 
     Attributes:
         name: Value of `--to`.
@@ -70,7 +70,7 @@ def targets() -> dict[str, Target]:
 
 
 def choose(to: str | None, takes: str, output: str) -> Target:
-    """Select a target.
+    """Return the target that the user asks for, by name or by the suffix of the output file.
 
     Args:
         to: Name of the target; None selects by the suffix of the output, or the only target for this input.
@@ -103,7 +103,7 @@ def without_effects(vehicle: Vehicle, left_out: Callable[[Effect], bool]) -> Veh
 
 
 def lacking_effects(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack]:
-    """Return the effects of a vehicle that a target cannot represent, each effect once.
+    """Return the effects of a vehicle that a target cannot represent, each name once.
 
     Args:
         vehicle: The vehicle.
@@ -119,12 +119,12 @@ def lacking_effects(vehicle: Vehicle, why: Callable[[Effect], str]) -> list[Lack
 
 
 def sensor_reason(effect: Effect) -> str:
-    """Return the reason why no simulator represents an error of the DVL; an empty text for other effects."""
+    """Return why no target represents an error of the DVL, in words; an empty text for any other effect."""
     return "an error of the DVL, not of the motion" if effect.kind == "sensor" else ""
 
 
 def all_left_out(vehicle: Vehicle, lacks: Sequence[Lack]) -> Vehicle:
-    """Return a copy of the vehicle without any of the properties in `lacks`, as a target represents it.
+    """Return a copy of the vehicle without all properties in `lacks`, as a target represents the vehicle.
 
     Each entry of `lacks` changes effects or thrusters; the changes are combined.
     """

@@ -20,7 +20,7 @@ Environment = dict[str, Any]
 
 
 class Algebra(Protocol):
-    """Interface of a symbolic library.
+    """Interface of a library of symbols, such as CasADi, for the tracing.
 
     Attributes:
         functions: Replacements of Python's functions and of some of hydro's.
@@ -35,10 +35,10 @@ class Algebra(Protocol):
         """Return `yes` where the symbolic condition `test` holds, otherwise `no`."""
 
     def both(self, one: Any, other: Any) -> Any:
-        """Return whether both conditions hold, as a symbol."""
+        """Return a symbolic condition that holds if both given conditions hold."""
 
     def negated(self, one: Any) -> Any:
-        """Return whether a condition does not hold, as a symbol."""
+        """Return a symbolic condition that holds if the given condition does not hold."""
 
 
 class _Returned:
@@ -52,13 +52,19 @@ _NORMAL, _BREAK, _CONTINUE = object(), object(), object()  # ends of a run of st
 
 
 class Tracer:
-    """Interpreter that runs functions on symbols."""
+    """Interpreter that runs numeric functions on symbols, and so returns symbolic expressions."""
 
     def __init__(self, algebra: Algebra) -> None:
         self.algebra = algebra
 
     def call(self, function: Any, *given: Any) -> Any:
-        """Return the result of a function on numbers and symbols; lists to which it writes are modified.
+        """Return the result of a function called with numbers and symbols.
+
+        Lists that it writes to are changed.
+
+        Args:
+            function: Function or kernel of hydro, or a Python function in `Algebra.functions`.
+            given: Its arguments.
 
         Raises:
             HydroError: The function is not scalar code.

@@ -11,7 +11,7 @@ from hydro.io.schema import FOLDER
 
 
 def generated() -> dict[str, bytes]:
-    """Return the content of each generated schema file, by the name of the file."""
+    """Return the bytes of each generated schema file, by file name."""
     schemas = {
         "vehicle.schema.json": vehicle.json_schema(),
         "map.schema.json": logmap.json_schema(),

@@ -26,7 +26,7 @@ REFERENCE = {"velocity": "the position", "attitude": "the position", "rates": "t
 
 @dataclass(frozen=True)
 class Clocks:
-    """Time offsets in a log.
+    """Time offsets of sensors and commands in a log.
 
     Attributes:
         sensors: Lags of velocity, attitude and rates relative to the pose, where the motion shows them.
@@ -65,11 +65,14 @@ class Clocks:
         return self.receipt >= LEAST_REPORTED and not self.declared.commands.lag
 
     def contradictions(self) -> list[str]:
-        """Return a line for each significant lag longer than a sample, which `--strict` refuses."""
+        """Return one line for each significant lag longer than a sample.
+
+        `hydro import --strict` refuses such logs.
+        """
         return [self._line(one) for one in self._significant() if one.over_a_sample]
 
     def suspicions(self) -> list[str]:
-        """Return a line for each significant lag shorter than a sample of its sensor."""
+        """Return one line for each significant lag that is shorter than a sample of its sensor."""
         return [
             self._line(one)
             for one in self._significant()
@@ -77,7 +80,10 @@ class Clocks:
         ]
 
     def lags(self) -> dict[str, float]:
-        """Return the lags of sensors and commands to write into the map [s], by name of the block."""
+        """Return the lags that the map should state [s], by name of the block, such as `velocity`.
+
+        Lags of sensors that are significant, and the receipt delay of the commands, are included.
+        """
         told = (
             one
             for one in self.sensors
@@ -119,7 +125,7 @@ class Clocks:
 
 
 def clocks(imported: Imported, follows: LogMap, declared: LogMap, travel: Mapping[str, float]) -> Clocks:
-    """Estimate the lags of a log.
+    """Return the time offsets of a log's sensors and commands, estimated from the motion.
 
     Args:
         imported: Log on one clock.

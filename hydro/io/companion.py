@@ -49,7 +49,13 @@ class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Manifest(msgspec.Struct, frozen=True):
-    """List of all files, with format and version of the data."""
+    """List of all files of the companion distribution of recordings.
+
+    Attributes:
+        format: Name and version of the format.
+        version: Version of the data.
+        files: Path, size and hashes of each file.
+    """
 
     format: str
     version: str
@@ -84,7 +90,10 @@ def manifest() -> Manifest:
 
 
 def path_of(name: str) -> Path:
-    """Return the path of one file, named with or without its suffix.
+    """Return the path of an installed file.
+
+    Args:
+        name: Name of the file, with or without its suffix.
 
     Raises:
         DataError: The distribution is not installed, or the file is missing from it.
@@ -98,9 +107,12 @@ def path_of(name: str) -> Path:
 
 
 def fault(entry: Entry) -> str:
-    """Return a text on the damage of an installed file; empty if the file is intact.
+    """Return one clause on the damage of an installed file; empty if the file is intact.
 
-    Compares size and SHA-256 of the bytes and, for a table, also the hash of the values.
+    Size and SHA-256 of the bytes are compared with the manifest, and for a table also the hash of the values.
+
+    Args:
+        entry: Entry of the file in the manifest.
 
     Raises:
         DataError: The file is missing.

@@ -61,11 +61,11 @@ def write(
 
 
 def read(path: str | Path, vehicle: Vehicle | None = None) -> tuple[Estimates | None, str]:
-    """Read the covariance of a vehicle file or diagnosis.
+    """Read the covariance that is stored next to a vehicle file or diagnosis.
 
     Args:
         path: The vehicle file or diagnosis.
-        vehicle: Vehicle of the file, whose values the covariance must match.
+        vehicle: Vehicle of the file, whose values the covariance must match; None for no check.
 
     Returns:
         Estimates, or None if there is no covariance or it belongs to other values; and a warning, or an empty
@@ -83,7 +83,7 @@ def read(path: str | Path, vehicle: Vehicle | None = None) -> tuple[Estimates | 
 
 
 def of(artefact: Artefact, name: str = KIND) -> Estimates:
-    """Return the values and covariance in a covariance table.
+    """Return the estimated values and their covariance that a covariance table contains.
 
     Args:
         artefact: The table.
@@ -102,7 +102,9 @@ def of(artefact: Artefact, name: str = KIND) -> Estimates:
 
 
 def with_errors(vehicle: Vehicle, estimates: Estimates) -> Vehicle:
-    """Return a copy of the vehicle with standard errors from estimates in the effect tables that have none.
+    """Return a copy of the vehicle whose effect tables state standard errors, taken from estimates.
+
+    Tables that state standard errors already keep them.
 
     Args:
         vehicle: The vehicle.

@@ -29,7 +29,10 @@ _HINTS = {
 
 
 def kind(path: object) -> str:
-    """Return the kind of a file in words by its first bytes: a recording, map or vehicle file; else empty."""
+    """Return the kind of a file by its first bytes, in words: a recording, map or vehicle file.
+
+    Else empty.
+    """
     try:
         if not Path(str(path)).is_file():  # a pipe has been consumed already
             return ""
@@ -49,12 +52,15 @@ def kind(path: object) -> str:
 
 
 def explained(error: DataError, path: object, needed: str) -> DataError:
-    """Return, without raising it, a clearer error if a file is of another kind than needed, else `error`.
+    """Return (not raise) an error that says that a file is of the wrong kind, or else the given error.
 
     Args:
         error: Error of reading the file.
         path: The file.
         needed: Kind of file that is needed.
+
+    Returns:
+        A new error if the file is of another known kind than needed; otherwise `error`.
     """
     found = kind(path)
     return error if found in ("", needed) else DataError(f"{path}: this is {found}; {_HINTS[needed]}")

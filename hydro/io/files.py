@@ -37,7 +37,11 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def bundled(name: str) -> Path:
-    """Return the path of a bundled data set or vehicle file, in a package or a checkout."""
+    """Return the path of a bundled data set or vehicle file, in an installed package or a checkout.
+
+    Args:
+        name: Path within the folder of data sets, such as `vehicles/auv151.toml`.
+    """
     packaged = _PACKAGE / "_datasets"
     return (packaged if packaged.is_dir() else _PACKAGE.parent / "datasets") / name
 
@@ -48,7 +52,7 @@ def name_of(place: Source, stream: str = "stdin") -> str:
 
 
 def explained(name: str, error: OSError) -> DataError:
-    """Return, without raising it, a `DataError` of one line for a failure of the operating system.
+    """Return (not raise) a `DataError` of one line for a failure of the operating system.
 
     Args:
         name: Name of the file in the message.
@@ -60,7 +64,7 @@ def explained(name: str, error: OSError) -> DataError:
 
 
 def read_bytes(source: Source) -> bytes:
-    """Read all bytes of a file or stream.
+    """Return all bytes of a file or stream.
 
     Raises:
         DataError: The path cannot be read or is a device, or there are no bytes.
@@ -78,7 +82,7 @@ def read_bytes(source: Source) -> bytes:
 
 
 def refuse_device(source: Source) -> None:
-    """Refuse an input that may never end, such as a disk, a terminal or /dev/zero.
+    """Raise an error for an input that may never end, such as a disk, a terminal or /dev/zero.
 
     Raises:
         DataError: The path is a device other than the null device, which is empty.
@@ -144,7 +148,7 @@ def _check_writable(name: str, folder: Path) -> None:
 
 @contextlib.contextmanager
 def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
-    """Open a temporary file in the same folder and rename it to `destination` when the block succeeds.
+    """Yield a temporary file, and rename it to `destination` at the end: a whole file or none.
 
     If the block fails (an error, Ctrl-C), the temporary file is removed and an existing file at `destination`
     stays unchanged.  The new file has the permissions of the old one; a read-only file is not replaced.  A

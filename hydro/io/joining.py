@@ -21,7 +21,7 @@ TIME, SESSION = "time of the row", "session of the file"
 
 
 def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
-    """Join several logs into one with the columns that the map names, and return it with a map for it.
+    """Return several logs joined to one, with the columns that a map names, and a map for the joined log.
 
     In each row only the columns of the row's own file have values; rows are in order of time.
 

@@ -25,9 +25,10 @@ LOCK, OWNER = ".lock", ".owner"
 
 @contextlib.contextmanager
 def alone(folder: str | Path) -> Iterator[None]:
-    """Lock a folder for this process during the block; create the folder if it is missing.
+    """Hold a lock on a folder during a `with` block, so that no other process uses the folder.
 
-    Folders created here are removed at the end if they are empty, so a refused command leaves none.
+    The folder is created if it is missing.  Folders created here are removed at the end if they are empty, so
+    a refused command leaves none.
 
     Raises:
         DataError: Another process holds the lock, or the operating system refuses.

@@ -32,7 +32,7 @@ Reading = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Log:
-    """Log as read from a file.
+    """Log as read from a file, with columns not yet converted to numbers.
 
     Attributes:
         name: Name of the log in error messages.
@@ -53,16 +53,16 @@ class Log:
 
     @cached_property
     def frame(self) -> pl.DataFrame:
-        """All columns in one table; a log of messages gets a row for each message, all in memory."""
+        """All columns as one table; a log of messages gets a row for each message, all in memory."""
         return self.table.wide() if isinstance(self.table, Tables) else self.table
 
     @property
     def names(self) -> list[str]:
-        """All columns, including those that were not read."""
+        """Names of all columns, including those that were not read."""
         return list(dict.fromkeys((*self.table.columns, *self.more())))
 
     def row(self, index: int) -> str:
-        """Return the name of a row in error messages: in a CSV from 1 after the header, otherwise from 0.
+        """Return words for a row in errors, such as `row 3`: in a CSV from 1 after the header, else from 0.
 
         Args:
             index: Row from 0.
@@ -101,12 +101,12 @@ class LogFile:
 
     @property
     def stem(self) -> str:
-        """Name for the session of this file: the file's name without suffix."""
+        """Session name for this file: the file's name without suffix."""
         return self.path.stem if self.name != "stdin" else self.name
 
     @property
     def parts(self) -> list[Path]:
-        """All files that the log consists of."""
+        """Paths of all files that the log consists of."""
         return (
             sorted(each for each in self.path.rglob("*") if each.is_file())
             if self.path.is_dir()
@@ -115,14 +115,16 @@ class LogFile:
 
     @property
     def size(self) -> int:
-        """Size in bytes."""
+        """Size of all files of the log [bytes]."""
         return sum(part.stat().st_size for part in self.parts)
 
     def topics(self, progress: Reading | None = None) -> tuple[list[collect.Listed], list[str]]:
-        """Return the topics of a log of messages, and the reader's notes, a line each; a table has no topics.
+        """Return a summary of each topic of a log of messages, and the reader's notes, a line each.
+
+        Both lists are empty for a table.
 
         Args:
-            progress: Called with the share of the file that has been read.
+            progress: Called with the fraction of the file that has been read.
         """
         options = self._options(progress)
         if self.reader.messages is None:
@@ -130,10 +132,10 @@ class LogFile:
         return registry.topics(self.path, self.reader, options), options.notes
 
     def header(self, progress: Reading | None = None) -> Log:
-        """Return a log with all columns, but with rows only if the file is a table and not messages.
+        """Return the log with the names of all columns; rows are read only from a table, not from messages.
 
         Args:
-            progress: Called with the share of the file that has been read.
+            progress: Called with the fraction of the file that has been read.
 
         Raises:
             DataError: The file cannot be read, or has no messages.
@@ -147,11 +149,11 @@ class LogFile:
         return Log(self.name, pl.DataFrame(schema=dict.fromkeys(names, pl.Float64)), "")
 
     def read(self, wanted: Iterable[str] | None = None, progress: Reading | None = None) -> Log:
-        """Read the log; from messages, only the wanted columns.
+        """Return the content of the log; from messages, only the wanted columns.
 
         Args:
             wanted: Names of columns; None for all. A table is read whole.
-            progress: Called with the share of the file that has been read.
+            progress: Called with the fraction of the file that has been read.
 
         Raises:
             DataError: The file cannot be read, is not a log, has no rows, or names a column twice.
@@ -229,7 +231,7 @@ def _spooled(stream: BinaryIO, folder: Path) -> Path:
 
 
 def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Path | None = None) -> Log:
-    """Read a log in any format that its first bytes identify.
+    """Return a log, read in any format that its first bytes identify.
 
     Args:
         source: File, folder of a ROS 2 recording, or binary stream.
@@ -245,7 +247,7 @@ def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Pa
 
 
 def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
-    """Return a new log that stands for several, named after the first; its digest ignores their order.
+    """Return a new log that represents several logs, named after the first; its digest ignores their order.
 
     Args:
         logs: The logs, at least one.
@@ -265,7 +267,7 @@ def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
 
 
 def column(log: Log, name: str, where: str) -> pl.Series:
-    """Return a column of the log.
+    """Return one column of the log as read, not converted to numbers.
 
     Args:
         log: The log.
@@ -346,7 +348,7 @@ def values(log: Log, name: str) -> Array | None:
 
 
 def unset(log: Log, name: str) -> Mask:
-    """Return a mask of the rows in which a column is an explicit NaN, (n,); empty cells do not count."""
+    """Return a mask, (n,), of the rows in which a column is an explicit NaN; empty cells do not count."""
     values = column(log, name, "commands")
     if values.dtype == pl.String:
         return stripped(values).is_in(NOT_A_NUMBER).fill_null(False).to_numpy()
@@ -356,7 +358,10 @@ def unset(log: Log, name: str) -> Mask:
 
 
 def numeric(values: pl.Series) -> bool:
-    """Return whether a column holds numbers, as text or typed; the first entry decides."""
+    """Return whether a column holds numbers, as text or as a numeric type.
+
+    Of text, the first entry decides.
+    """
     if values.dtype != pl.String:
         return values.dtype.is_numeric() or values.dtype in (pl.Boolean, pl.Duration)
     first = stripped(values.drop_nulls().head(1))
@@ -364,12 +369,12 @@ def numeric(values: pl.Series) -> bool:
 
 
 def seconds(values: pl.Series) -> pl.Series:
-    """Return a column of durations as numbers [s]."""
+    """Return a column of polars durations as numbers of seconds."""
     return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 
 def stripped(values: pl.Series) -> pl.Series:
-    """Return a column of text without surrounding spaces, with null for an empty text."""
+    """Return a column of text without surrounding spaces; an empty text becomes null."""
     return values.str.strip_chars().replace("", None)
 
 

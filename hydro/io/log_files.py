@@ -31,7 +31,7 @@ LARGE = 50_000_000
 
 
 def silent(file: LogFile) -> AbstractContextManager[Reading | None]:
-    """Return a `with` block that reports no progress while a file is read."""
+    """Return a `with` block that reports no progress while a file is read; it gives None."""
     return nullcontext()
 
 
@@ -56,7 +56,7 @@ def gather(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> tuple[Log, LogMap]:
-    """Return the files of a dive as one log with the columns of a map, and the map with a session name.
+    """Read the files of a dive as one log, and return the log with its map.
 
     The `[[table]]`s of a map assign the files (see `joining`).  Without them, files whose times overlap are
     merged by time; other files are sessions, named after their files.
@@ -65,9 +65,12 @@ def gather(
         files: Files in any order.
         map_: Map, path of a map file, or None to guess the map from the column names.
         progress: Function that takes a file and returns a `with` block, which gets a function that is called
-            with the share of the file that has been read, or None.
+            with the fraction of the file that has been read, or None.
         preset: Naming scheme of the columns for a guess; by default any.
         thrusters: Number of thrusters of the vehicle, for a guess, if known.
+
+    Returns:
+        One log with the columns of the map, and the map with a session name.
 
     Raises:
         DataError: A file cannot be read, or the map is invalid or does not fit it.
@@ -97,7 +100,8 @@ def drafted(
         thrusters: Number of thrusters of the vehicle, if known.
 
     Returns:
-        Names of all columns, and the guessed blocks by name.
+        Names of all columns; and the guessed blocks of the map, such as `velocity`, by name, each with its
+        keys and values.
 
     Raises:
         DataError: A file cannot be read.
@@ -140,7 +144,7 @@ def _read(
 
 
 def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[Log, LogMap]:
-    """Merge several logs in order of time, with one session per group of logs whose times overlap.
+    """Return several logs as one, with one session for each group of logs whose times overlap.
 
     Args:
         logs: The logs; they are not changed.
@@ -148,7 +152,8 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
         meaning: Map of the columns of all logs.
 
     Returns:
-        A new log with all rows and a column of session names, and a copy of the map that names this column.
+        A new log with all rows in order of time and a column of session names, and a copy of the map that
+        names this column.
 
     Raises:
         DataError: A log has no time, or its time goes backwards.

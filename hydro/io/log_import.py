@@ -53,7 +53,7 @@ class ImportReport:
 
 
 def declared(file: str | Path | LogMap, name: str) -> LogMap:
-    """Return the map of a log that the user gives, checked and with a session name.
+    """Return the user's map of a log, checked and with a session name.
 
     Args:
         file: Map, or path of a map file.
@@ -71,7 +71,7 @@ def declared(file: str | Path | LogMap, name: str) -> LogMap:
 def guessed(
     source: Log, name: str, preset: str | None = None, thrusters: int | None = None
 ) -> tuple[dict[str, dict[str, Any]], LogMap]:
-    """Guess the map of a log from the names of its columns.
+    """Return the map of a log, guessed from the names of its columns.
 
     Args:
         source: The log.
@@ -98,7 +98,7 @@ def guessed(
 
 
 def refined_map(source: Log, blocks: Mapping[str, dict[str, Any]], name: str) -> tuple[LogMap, list[str]]:
-    """Refine guessed blocks of a map by the log's values; return the map and a line for each change.
+    """Return a map whose guessed blocks are corrected by the log's values, and one line for each correction.
 
     Args:
         source: The log.
@@ -126,7 +126,7 @@ def _with_session(meaning: LogMap, name: str) -> LogMap:
 def import_log(
     source: Log, meaning: LogMap, *, rate: float | None = None, strict: bool = False, fill: bool = False
 ) -> ImportReport:
-    """Resample a log on one clock in the raw table's frames, and check its conventions by kinematics.
+    """Convert a log to a raw table on one clock, and check its frames, units and signs by kinematics.
 
     Args:
         source: The log.
@@ -163,7 +163,7 @@ def import_log(
 
 
 def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
-    """Yield a line for each contradiction or limit that the thruster audit finds.
+    """Yield one line for each fault or limit that the thruster audit (test of direction and order) finds.
 
     A wrong frame of a sensor looks like reversed or swapped thrusters.  So nothing is audited before the map
     agrees with the motion.

@@ -79,7 +79,7 @@ def _since(begun: float) -> str:
 
 
 def ranges(paths: Iterable[str]) -> list[str]:
-    """Return paths of fields with consecutive indices of one array merged, such as `channels[0..7]`."""
+    """Return paths of fields, with elements of one array merged to one path, such as `channels[0..7]`."""
     found: dict[tuple[str, str], list[int]] = {}
     for path in paths:
         match = _INDEX.match(path)

@@ -45,7 +45,7 @@ def is_map(path: str | Path) -> bool:
 
 
 def read(path: str | Path) -> LogMap:
-    """Read a map file.
+    """Return the map in a map file.
 
     Raises:
         DataError: The file cannot be read or is not a map; the message has the key in the file.
@@ -57,7 +57,7 @@ def read(path: str | Path) -> LogMap:
 
 
 def parse(text: str, name: str = "map") -> LogMap:
-    """Parse the text of a map.
+    """Return the map that a TOML text describes, checked.
 
     Args:
         text: TOML.
@@ -109,7 +109,7 @@ def check(found: LogMap) -> None:
 
 
 def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
-    """Return the checked map made of guessed blocks.
+    """Return a map made of guessed blocks, checked.
 
     Args:
         blocks: Blocks of the map by name, such as `time` and `velocity`.
@@ -133,7 +133,7 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
 
 
 def listed(columns: Sequence[str]) -> str:
-    """Return the names of columns as one text; only the first 40 are named, the others counted."""
+    """Return the names of columns as one text; after the first 40, only the number of further columns."""
     more = f" and {len(columns) - 40} more" if len(columns) > 40 else ""
     return ", ".join(shown(name) for name in columns[:40]) + more
 

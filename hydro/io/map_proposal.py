@@ -50,7 +50,7 @@ def proposed(
     progress: log_files.Progress = log_files.silent,
     thrusters: int | None = None,
 ) -> Proposal:
-    """Propose the map of the files of one dive.
+    """Return a proposed map for the files of one dive.
 
     Args:
         files: The files.
@@ -59,8 +59,8 @@ def proposed(
         thrusters: Number of thrusters of the vehicle, if known.
 
     Returns:
-        The columns, the blocks that could be guessed, and notes; if a required block is missing, the guess is
-        neither corrected by the motion nor has it notes.
+        The columns, the blocks that could be guessed, and notes.  If a required block is missing, the guess
+        is not corrected by the motion and has no notes.
 
     Raises:
         DataError: A file cannot be read, or the text of a block is invalid.
@@ -179,7 +179,7 @@ def corrected(
     stated: Collection[str],
     progress: log_files.Progress = log_files.silent,
 ) -> tuple[dict[str, Block], tuple[str, ...]]:
-    """Correct axes, units, signs and lags of a map by the motion of the log.
+    """Return the blocks of a map, with axes, units, signs and lags corrected by the motion of the log.
 
     Columns that mark samples as valid are added to the blocks of their sensors.
 

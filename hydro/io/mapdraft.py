@@ -61,7 +61,7 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
 
 
 def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str, *, blanks: bool = True) -> str:
-    """Return the TOML text of a draft map: guessed blocks, empty names for the others, and comments.
+    """Return the TOML text of a draft map: guessed blocks, blank blocks for all other sensors, and comments.
 
     Args:
         blocks: Guessed blocks by name.

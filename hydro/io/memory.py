@@ -31,7 +31,10 @@ class _Released:
 
 
 def give_back() -> None:
-    """Release unused memory of Arrow and the C library if the process has grown since the last release."""
+    """Return unused memory of Arrow and the C library to the operating system.
+
+    Nothing happens if the process has grown little since the last call that returned memory.
+    """
     size = _resident()
     if size is not None and size - _Released.size < WORTH:
         return

@@ -30,7 +30,23 @@ Several = Annotated[int, msgspec.Meta(ge=1, le=1024)]
 
 
 class Architecture(TypedDict, total=False):
-    """Architecture of a residual network in its file: name, features and sizes of layers, by key."""
+    """Architecture of a residual network in its file: a dict whose keys depend on the model.
+
+    Attributes:
+        model: Name of the architecture, such as `physfeat`.
+        features: Name of the feature set, `raw` or `physfeat`.
+        layers: Widths of the hidden layers.
+        trunk: Widths of the layers that all heads share.
+        gate: Widths of the layers that choose among experts.
+        width: Width of a residual block.
+        hidden: Width of the layer inside a residual block.
+        head: Width of the layer of each head.
+        blocks: Number of residual blocks.
+        experts: Number of experts.
+        activation: Name of the activation function.
+        window: Number of velocities in the input, the present one included.
+        period: Time between these velocities [s].
+    """
 
     model: str
     features: str
@@ -48,7 +64,19 @@ class Architecture(TypedDict, total=False):
 
 
 class Described(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Description of a network in the footer of its tensors; see `Model`."""
+    """Description of a network in the footer of the table of its tensors.
+
+    Attributes:
+        name: Name of the network.
+        architecture: Names and sizes of its layers.
+        features: Name of the feature set.
+        inputs: Names of the inputs.
+        outputs: Names of the outputs.
+        units: Units of inputs and outputs by name.
+        scalers: Means and scales of inputs and outputs by name.
+        training: Description of the training.
+        subtract: Effects that the labels excluded: `inertia` or `effects`.
+    """
 
     name: str
     architecture: Architecture
@@ -107,14 +135,14 @@ def to_artefact(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
 ) -> Artefact:
-    """Return the model as a table of tensors with provenance; the same model gives the same bytes.
+    """Return a network as a table of tensors with provenance; the same network gives the same bytes.
 
     Args:
-        model: The model.
-        stage: Name of the command that made the model.
+        model: The network.
+        stage: Name of the command that made the network.
         parameters: Parameters of that command, besides inputs and seed; JSON values.
         seed: Seed of the training.
-        inputs: Tables from which the model was made.
+        inputs: Tables from which the network was made.
 
     Raises:
         DataError: A tensor is not finite, or not of a floating-point type.
@@ -145,7 +173,7 @@ def to_artefact(
 
 
 def from_artefact(artefact: Artefact) -> Model:
-    """Return the model of an artefact of kind `model`.
+    """Return the network that a table of tensors (an artefact of kind `model`) contains.
 
     Raises:
         DataError: The footer does not describe a model, or a tensor does not fit its shape.
@@ -175,11 +203,11 @@ def from_artefact(artefact: Artefact) -> Model:
 
 
 def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
-    """Return the description of a network in the footer of its table, as a checked struct.
+    """Return the description of a network from the footer of its table, as a checked struct.
 
     Args:
         artefact: Table of tensors.
-        kind: Struct that the footer must match.
+        kind: Struct type that the footer must match.
         remedy: Remedy in the error message.
 
     Raises:

@@ -19,13 +19,13 @@ WIDTH = 110
 
 
 def text(found: Estimate) -> str:
-    """Return the text of a vehicle file for an estimated vehicle.
+    """Return the text of a vehicle file for an estimated vehicle; comments tell each number's origin.
 
     Args:
         found: Estimated vehicle, with the origin of its numbers.
 
     Returns:
-        TOML with comments, for `io.vehicle.parse`.
+        TOML, for `io.vehicle.parse`.
     """
     vehicle, origins = found.vehicle, found.origins
     body, hull = vehicle.rigid_body, vehicle.hull

@@ -15,7 +15,7 @@ MAGIC = b"PAR1"
 
 
 def opened(content: bytes, name: str) -> pq.ParquetFile:
-    """Open a Parquet file that is already in memory.
+    """Return an open Parquet file, given its bytes in memory.
 
     Args:
         content: Bytes of the file.
@@ -54,7 +54,7 @@ def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
 
 
 def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
-    """Check the expanded size of a Parquet file against the limit before the file is decoded.
+    """Check that the expanded size of a Parquet file is within the limit, before the file is decoded.
 
     Args:
         file: The file.
@@ -112,7 +112,7 @@ def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
 
 
 def damaged(name: str, error: Exception) -> DataError:
-    """Return, without raising it, the error for a file that Arrow cannot decode.
+    """Return (not raise) the error for a file that Arrow cannot decode.
 
     Args:
         name: Name of the file in the message.

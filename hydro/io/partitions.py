@@ -91,7 +91,7 @@ class Dataset:
 
 
 def scan(*paths: Path) -> pl.LazyFrame:
-    """Return a lazy frame of the files at `paths`: rows and columns are read only as needed."""
+    """Return a lazy frame of all rows of the files at `paths`; rows and columns are read only as needed."""
     return pl.scan_parquet(list(paths), hive_partitioning=False, glob=False)
 
 
@@ -106,12 +106,12 @@ def place(folder: str | Path, session: str) -> Path:
 
 
 def sessions(folder: str | Path) -> list[str]:
-    """Return the names of a folder's sessions, sorted; none if there is no folder."""
+    """Return the sorted names of the sessions in a dataset's folder; empty if there is no folder."""
     return sorted(unquote(each.name.removeprefix(KEY)) for each in _folders(Path(folder)))
 
 
 def opened(folder: str | Path, kinds: Sequence[str] = ()) -> Dataset:
-    """Return the dataset in a folder, opened from the metadata of its files without reading a row.
+    """Return the dataset in a folder, from the metadata of its files; no row is read.
 
     Args:
         folder: Folder of the sessions.

@@ -29,7 +29,15 @@ ROWS_IN_THREADS = 50_000
 
 
 class Before(TypedDict):
-    """Comparison with an earlier recording, stored in a table; see `report.change`."""
+    """Entry in a table's footer on the recording from before a change, see `report.change`.
+
+    Attributes:
+        recording: Name of the recording.
+        given: Squared error with the vehicle file alone.
+        left: Squared error with the hull-force model.
+        network: Name of the network that is the hull-force model; absent without one.
+        learnt: Whether that network was trained on the recording; absent without a network.
+    """
 
     recording: str
     given: float
@@ -62,7 +70,7 @@ _PARAMETERS: dict[str | None, type] = {"labels": _LabelsParameters, "split": _Sp
 
 
 class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """Artefact from which a table was made, with its own inputs.
+    """Artefact (a table or file that hydro reads or writes) from which a table was made, with its own inputs.
 
     Attributes:
         kind: Kind of table, or `vehicle`.
@@ -111,7 +119,7 @@ class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown
     check: str | None = None
 
     def as_input(self) -> Input:
-        """Return this record as an input, for the provenance of a table made from this one."""
+        """Return this record as an `Input`, for the provenance of a table made from the recorded one."""
         return Input(self.kind, self.content, self.stage, self.parameters, self.inputs)
 
     def to_json(self) -> bytes:
@@ -121,7 +129,11 @@ class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown
 
 
 def from_json(text: bytes, source: str) -> Provenance:
-    """Read the record of a footer.
+    """Return the provenance that the footer of a table states.
+
+    Args:
+        text: JSON of the footer.
+        source: Name of the file in error messages.
 
     Raises:
         DataError: The text is not a record of this version, or was changed after it was written.
@@ -183,11 +195,14 @@ def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
 
 
 def parameters_of(provenance: Provenance, stage: str) -> dict[str, Any]:
-    """Return the parameters of the latest table of a stage in the lineage of a table; empty without one.
+    """Return the parameters with which a stage (command) made the latest of its tables in a table's lineage.
 
     Args:
         provenance: Provenance of the table.
         stage: Name of the command.
+
+    Returns:
+        Parameters by name; empty if no table of the stage is in the lineage.
     """
     found = [(depth, node.parameters) for depth, node in lineage(provenance) if node.stage == stage]
     return min(found, key=lambda one: one[0])[1] if found else {}

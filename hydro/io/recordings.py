@@ -35,7 +35,7 @@ def imported(
     fill: bool = False,
     progress: log_files.Progress = log_files.silent,
 ) -> Artefact:
-    """Import logs, and report as `hydro import` does.
+    """Import the log files of one dive as a raw table, and report line by line as `hydro import` does.
 
     Args:
         files: Files of one dive.
@@ -117,7 +117,7 @@ def _artefact(source: Log, report: log_import.ImportReport, text: str | None) ->
 
 
 def is_artefact(file: LogFile) -> bool:
-    """Return whether a file has hydro's footer; a damaged file has none."""
+    """Return whether a file is a table that hydro wrote, by its footer; False for a damaged file."""
     if file.reader.name != "Parquet file":
         return False
     try:
@@ -127,7 +127,7 @@ def is_artefact(file: LogFile) -> bool:
 
 
 def read(file: LogFile, kinds: Sequence[str]) -> Artefact:
-    """Read a table of a recording, with its provenance.
+    """Return a table of a recording with its provenance, read from a file.
 
     Args:
         file: The file.

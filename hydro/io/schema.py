@@ -77,7 +77,12 @@ version is added.  A later version extends the same version of its parent, if th
 
 
 class Series(Part, frozen=True):
-    """Rule that rows with the same `key` are contiguous and `time` increases along them."""
+    """Rule for time series in a table.
+
+    Attributes:
+        key: Columns whose values name a series; its rows are contiguous.
+        time: Column that increases within a series.
+    """
 
     key: tuple[str, ...]
     time: str
@@ -100,7 +105,16 @@ class _File(Part, frozen=True):
 
 @dataclass(frozen=True)
 class Schema:
-    """Schema of one kind of table, including the fields of the table that it extends."""
+    """Rules for one kind of table, including the fields of the table that it extends.
+
+    Attributes:
+        kind: Name of the kind.
+        title: Title of the kind.
+        description: Description of the kind.
+        fields: Rules of the columns.
+        primary_key: Columns whose values together are different in every row.
+        series: Rule for time series; None for other tables.
+    """
 
     kind: str
     title: str
@@ -111,12 +125,12 @@ class Schema:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the rules, independent of the layout of the schema file."""
+        """SHA-256 of the rules, which does not depend on the layout of the schema file."""
         content = (self.kind, self.fields, self.primary_key, self.series)
         return "sha256:" + hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
 
     def columns(self, names: Iterable[str]) -> dict[str, Field]:
-        """Return the fields of a table by column name, in the schema's order.
+        """Return the fields (rules of columns) of a table by column name, in the schema's order.
 
         Args:
             names: Columns of the table; a repeated field occurs as often as its columns are among them.
@@ -137,7 +151,7 @@ class Schema:
         return columns
 
     def conform(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """Return the table with the columns of this schema in its order, each in an accepted type.
+        """Return a copy of a table with the columns of this schema in its order, each in an accepted type.
 
         No value is lost: an all-null column gets its type, integers become wider or floats, and an optional
         missing column is filled with nulls.  Other violations stay for `check` to refuse.  Unknown columns
@@ -197,6 +211,10 @@ class Schema:
 
     def check_columns(self, types: Mapping[str, str], source: str) -> None:
         """Check column names and storage types (such as `float32`) against this schema.
+
+        Args:
+            types: Storage type of each column.
+            source: Name in error messages.
 
         Raises:
             DataError: Columns are missing, unknown, or of the wrong type.
@@ -274,7 +292,7 @@ def load(kind: str, version: int = 1) -> Schema:
 def suited(kind: str, frame: pl.DataFrame) -> Schema:
     """Return the first version of a kind's schema that allows the nulls and columns of a table.
 
-    If none does, return the first version, whose check then gives the error.
+    If no version does, return the first one, whose check then gives the error.
 
     Args:
         kind: Kind of table, such as `raw`.
@@ -296,7 +314,7 @@ def suited(kind: str, frame: pl.DataFrame) -> Schema:
 
 
 def versions(kind: str) -> list[Schema]:
-    """Return all versions of a kind's schema, the first one first.
+    """Return the schemas of all versions of a kind of table, the first version first.
 
     Raises:
         DataError: There is no such kind.
@@ -305,7 +323,9 @@ def versions(kind: str) -> list[Schema]:
 
 
 def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
-    """Return the version of a schema with the fewest unknown columns in a table; of equal ones, the first.
+    """Return the version of a schema that leaves the fewest columns of a table unknown.
+
+    Of equal ones, the first.
 
     Args:
         rules: Versions of the schema.
@@ -316,7 +336,12 @@ def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
 
 
 def fitting(wanted: Iterable[str], columns: Mapping[str, str]) -> str:
-    """Return the kind of table, out of `wanted`, whose columns differ least from the given columns."""
+    """Return the kind of table, one of `wanted`, whose columns differ least from the given columns.
+
+    Args:
+        wanted: Kinds of table.
+        columns: Storage type of each given column.
+    """
 
     def unlike(kind: str) -> int:
         return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in versions(kind))

@@ -13,7 +13,7 @@ Rows = npt.NDArray[np.intp]
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
-    """Part of a schema file; an unknown key is an error, because it would be a rule without a check."""
+    """Base class of the parts of a schema file; an unknown key is an error, since nothing would check it."""
 
 
 _POLARS: dict[str, pl.DataType] = {
@@ -28,7 +28,17 @@ _POLARS |= {f"list<{name}>": pl.List(dtype) for name, dtype in _POLARS.items()}
 
 
 class Constraints(Part, frozen=True):
-    """Rules for the values of a column; numbers must also be finite."""
+    """Rules for the values of a column; numbers must also be finite.
+
+    Attributes:
+        required: Whether nulls are forbidden.
+        unique: Whether no value may occur twice.
+        minimum: Least number; None for no limit.
+        maximum: Greatest number; None for no limit.
+        min_length: Least number of characters of a text; None for no limit.
+        pattern: Regular expression that a text must match; None for none.
+        enum: Allowed texts; None for all.
+    """
 
     required: bool = False
     unique: bool = False
@@ -40,7 +50,20 @@ class Constraints(Part, frozen=True):
 
 
 class Field(Part, frozen=True):
-    """One column, or several with `repeat`: description, unit, frame and source."""
+    """Rules of one column of a table, or of several numbered columns.
+
+    Attributes:
+        name: Name of the column; with `repeat` it contains the placeholder of the number.
+        type: Type in the schema file.
+        arrow_type: Accepted storage types, the widest last.
+        description: Description of the column.
+        unit: Unit; None for none.
+        frame: Coordinate frame; None for none.
+        source: Source of the definition; None for none.
+        repeat: Placeholder of the number in the names of repeated columns; None for one column.
+        optional: Whether the column may be absent.
+        constraints: Rules for the values.
+    """
 
     name: str
     type: str
@@ -61,7 +84,7 @@ class Field(Part, frozen=True):
 
     @property
     def widest(self) -> pl.DataType:
-        """Last of the accepted types."""
+        """Polars type of the column that can hold most values: the last of the accepted types."""
         return _POLARS[self.arrow_type[-1]]
 
     @property
@@ -71,7 +94,7 @@ class Field(Part, frozen=True):
 
 
 def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Yield each rule that a column breaks, as a pair of its name and the indices of the rows that break it.
+    """Yield each rule that a column breaks, with the indices of the rows that break the rule.
 
     Args:
         field: Rules of the column.

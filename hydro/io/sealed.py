@@ -19,7 +19,7 @@ _LENGTH = len(_MARK) + 64 + 1
 
 @contextlib.contextmanager
 def writing(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file for writing within a `with` block, which gets the binary file.
+    """Open a file for writing in a `with` block, which gets the binary file.
 
     At the end of the block the hash of the content is put before it, and the file gets its name.
 
@@ -38,9 +38,7 @@ def writing(path: str | Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def reading(path: str | Path) -> Iterator[BinaryIO]:
-    """Open a file within a `with` block, which gets the binary file at the beginning of its content.
-
-    The hash of the content is checked first.
+    """Check the hash of a file, and open it in a `with` block at the beginning of its content.
 
     Raises:
         DataError: The file cannot be read, or was changed after it was written.

@@ -110,7 +110,7 @@ def _sensor_columns(meaning: LogMap) -> list[list[str]]:
 
 
 def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
-    """Yield every numeric column that a map names, each as a pair of block (`velocity`) and column."""
+    """Yield every numeric column that a map names, as a pair of block (`velocity`) and column."""
     for where, block in blocks_of(meaning).items():
         yield from ((where, source.column) for source in measured(block))
         yield from ((where, name) for name in beside(block))
@@ -123,7 +123,7 @@ def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
 
 
 def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
-    """Return the times of a log in ticks of its clock.
+    """Return the times of a log as integers or floats, in ticks of its clock.
 
     Integers stay integers: nanoseconds since 1970 have more digits than a double.
 

@@ -1,4 +1,4 @@
-"""Folder of a study: the files of every step of `hydro explain`, and which of them are up to date.
+"""Folder of a study: the files of every step of `hydro explain`, which adds one effect per step.
 
 A step is up to date if its rows of the ladder and its files exist, and their hashes match the inputs.  The
 ladder is written last.
@@ -35,7 +35,7 @@ NO_FORCES = "no_forces"
 
 @dataclass(frozen=True)
 class Study:
-    """Study of one vehicle and recording, stored in a folder.
+    """Study of one vehicle and recording, whose steps are stored in a folder.
 
     Attributes:
         folder: Existing folder of its files.
@@ -54,7 +54,7 @@ class Study:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def done(self) -> list[Step]:
-        """Return the steps in the folder that are up to date, from 0 on; an empty list without any."""
+        """Return the steps whose files in the folder are up to date, from step 0 on; empty without any."""
         try:
             ladder = table.read(self.folder / LADDER, "ladder")
         except DataError:
@@ -76,14 +76,17 @@ class Study:
         return steps
 
     def has_ended(self, steps: Sequence[Step]) -> bool:
-        """Return whether the folder records that no step follows the last of `steps`."""
+        """Return whether the folder records that the last of `steps` ended the study."""
         if not steps:
             return False
         ladder = table.read(self.folder / LADDER, "ladder")
         return ENDED in ladder.provenance.parameters and ladder.frame["step"].max() == steps[-1].number
 
     def clear(self, steps: Sequence[Step]) -> bool:
-        """Remove files of steps other than `steps`, or of another study; return whether there were any."""
+        """Remove files of other steps than `steps`, and of other studies.
+
+        Return whether a file was removed.
+        """
         keep = {name for step in steps for name in _names(step.number)} | ({LADDER} if steps else set())
         keep |= {covariance.beside(_names(step.number)[2]).name for step in steps}
         gone = [
@@ -94,7 +97,7 @@ class Study:
         return bool(gone)
 
     def save_step(self, steps: Sequence[Step]) -> None:
-        """Write the tables and the vehicle of the last of `steps`, and the ladder table of all `steps`."""
+        """Write tables and vehicle file of the last of `steps`, and the table `ladder` of all `steps`."""
         step = steps[-1]
         comparison, diagnosis, vehicle = (self.folder / name for name in _names(step.number))
         text = self.text(step)
@@ -107,7 +110,7 @@ class Study:
         self._save_ladder(steps)
 
     def end(self, steps: Sequence[Step], why: str, headline: str) -> None:
-        """Record that a study has ended.
+        """Record in the folder that a study has ended.
 
         Args:
             steps: All steps of the study.
@@ -133,7 +136,7 @@ class Study:
         table.write(made, self.folder / f"{kind}.parquet")
 
     def text(self, step: Step) -> str:
-        """Return the text of the vehicle file of a step: that of the given file with fitted values."""
+        """Return the text of the vehicle file of a step: the given file's text with the fitted values."""
         text = self.vehicle_text
         for fitted in step.tables:
             text = vehicles.set_effect(text, fitted | {"fit": self._origin})

@@ -26,7 +26,7 @@ ROWS_PER_GROUP = 131_072
 
 @dataclass(frozen=True)
 class Artefact:
-    """Table that has passed its schema, with its provenance.
+    """Table with provenance, checked against the schema of its kind.
 
     Attributes:
         kind: Kind of table, such as `raw` or `diagnosis`.
@@ -39,7 +39,7 @@ class Artefact:
     provenance: Provenance
 
     def of_network(self, described: Mapping[str, Any]) -> Artefact:
-        """Return a copy of the table of a network's tensors with a description of the network in its footer.
+        """Return a copy of a table of tensors with the description of their network in its footer.
 
         Args:
             described: Description by key; JSON values.
@@ -57,7 +57,7 @@ def make(
     inputs: Sequence[Artefact] = (),
     vehicle_text: str | None = None,
 ) -> Artefact:
-    """Make an artefact of a table: check the table, hash it, and record its provenance.
+    """Return a table as an artefact: check the table, hash it, and record its provenance.
 
     Args:
         kind: Kind of table, one of `schema.KINDS`.
@@ -95,7 +95,11 @@ def make(
 
 
 def conform(kind: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """Return a table as it would be read from its file: in the schema's column order and types.
+    """Return a table in the schema's column order and types, as it would be read from its file.
+
+    Args:
+        kind: Kind of table, such as `raw`.
+        frame: The table; not changed.
 
     Raises:
         DataError: There is no such kind.
@@ -149,10 +153,11 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
 
 
 def read_part(part: Part) -> Artefact:
-    """Read one session of a dataset.
+    """Return the table of one session of a dataset, read from its file.
 
     Raises:
-        DataError: As for `read`, or a row belongs to another session than the folder names.
+        DataError: The file cannot be read, is of another kind, breaks its schema, expands beyond the limit,
+            or was changed; or a row belongs to another session than the folder names.
     """
     artefact = read(part.path, part.kind)
     others = artefact.frame.filter(pl.col("session") != part.session)["session"]
@@ -203,6 +208,10 @@ def _unique(inputs: Iterable[Input]) -> tuple[Input, ...]:
 def write(artefact: Artefact, destination: Source) -> None:
     """Write an artefact to a path (atomically) or a binary stream; the same artefact gives the same bytes.
 
+    Args:
+        artefact: The table with its provenance.
+        destination: Path or binary stream.
+
     Raises:
         DataError: The table breaks its schema, or the operating system refuses.
         UsageError: The stream is a terminal.
@@ -219,7 +228,7 @@ def write(artefact: Artefact, destination: Source) -> None:
 
 
 def write_all(parts: Mapping[Path, Artefact]) -> None:
-    """Write new files of sessions; if a file fails, remove those already written.
+    """Write the files of several new sessions of a dataset; if one fails, remove all that were written.
 
     Args:
         parts: The tables, by the paths that `partitions.place` returned.

@@ -24,7 +24,7 @@ Struct = TypeVar("Struct", bound=msgspec.Struct)
 
 
 def read(path: str | Path) -> str:
-    """Read the text of a TOML file, without a byte order mark.
+    """Return the text of a TOML file, without a byte order mark.
 
     Raises:
         DataError: The file cannot be read, or is not text.
@@ -36,18 +36,18 @@ def read(path: str | Path) -> str:
 
 
 def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], None]) -> Struct:
-    """Return the struct that a text describes, checked and not changed.
+    """Return the content of a TOML text as a struct, checked and not changed.
 
     Args:
         text: TOML.
-        kind: Struct at the root of the file.
+        kind: Struct type of the file's root.
         name: Name of the file in error messages.
         check: Function that raises `DataError`, with the path in the file, for rules that types cannot
             express.
 
     Raises:
-        DataError: The text is not TOML, a key is missing, unknown or of the wrong type, or `check` fails;
-            the message has the path in the file.
+        DataError: The text is not TOML, a key is missing, unknown or of the wrong type, or `check` fails; the
+            message has the path in the file.
     """
     try:
         content = toml_text.content(text)
@@ -65,7 +65,7 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
 
 
 def joined(path: str, key: str) -> str:
-    """Return the dotted path of a key in a table at the dotted path `path`, which is empty for the root."""
+    """Return the dotted path of a key: `path.key`, or `key` alone for the root (an empty `path`)."""
     return f"{path}.{key}" if path else key
 
 
@@ -87,7 +87,7 @@ def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
 
 
 def table(content: Mapping[str, Any]) -> Table:
-    """Return a mapping as a TOML table, without keys that are None.
+    """Return a mapping as a tomlkit table, without keys that are None.
 
     Matrices have a line per row, mappings become sub-tables.
     """

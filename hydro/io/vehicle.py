@@ -133,7 +133,7 @@ def vehicle_hash(vehicle: Vehicle) -> str:
 
 
 def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[str]) -> list[str]:
-    """Return the parts in which two vehicle files differ, such as `name`, `rigid_body`, `effect payload`.
+    """Return the names of the parts in which two vehicles differ, such as `rigid_body` or `effect payload`.
 
     Ignored are notes of fits, marks of known values, and effects that `hydro add` wrote into `one` from the
     same diagnosis.
@@ -198,9 +198,9 @@ def append_effect(text: str, effect: Mapping[str, Any]) -> str:
 
 
 def set_effect(text: str, effect: Mapping[str, Any]) -> str:
-    """Return the text with the values of `effect` in the table of that name; append it if there is none.
+    """Return the text of a vehicle file with new values of one effect; an effect that is missing is appended.
 
-    Other keys and comments of the table stay; a key whose value is None is removed.
+    Other keys and comments of the effect's table stay; a key whose value is None is removed.
 
     Args:
         text: Vehicle file.
@@ -228,9 +228,9 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
 
 
 def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> str:
-    """Return the text with the directions of some thrusters reversed; everything else stays.
+    """Return the text of a vehicle file with the directions of the given thrusters reversed.
 
-    Thrust curves stay: a positive command gives `max_thrust` before and after.
+    Everything else stays, thrust curves too: a positive command gives `max_thrust` before and after.
 
     Args:
         text: Vehicle file.
@@ -259,7 +259,7 @@ def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> 
 
 
 def hold_known(text: str, names: Sequence[str]) -> str:
-    """Return the text of a vehicle file with some effects or parameters marked as known.
+    """Return the text of a vehicle file in which the named effects or parameters are marked as known.
 
     Args:
         text: Vehicle file.
@@ -276,7 +276,7 @@ def hold_known(text: str, names: Sequence[str]) -> str:
 
 
 def without_errors_from(vehicle: Vehicle, recording: str) -> Vehicle:
-    """Return a copy of the vehicle without the standard errors of values that were fitted to a recording.
+    """Return a copy of the vehicle without the standard errors of values that were fitted to one recording.
 
     Args:
         vehicle: The vehicle.

@@ -36,7 +36,7 @@ PRODUCTS_AT, OTHERS_AT = 2, 15
 
 
 class Motion(NamedTuple):
-    """Scaled motions of N velocities about the hull's centre, in the notation of `core.residual.mirrors`.
+    """Motions of N velocities about the hull's centre, scaled as in `core.residual.mirrors`.
 
     Attributes:
         z: Scaled velocities about the centre (N, 6).
@@ -52,7 +52,7 @@ class Motion(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """Centre of symmetry and scale by which velocities become comparable motions.
+    """Centre of the hull's symmetry, and factors that make linear and angular velocities comparable.
 
     Attributes:
         centre: Centre of the hull's symmetry (3,) [m], FRD from CO.
@@ -70,12 +70,14 @@ class Hull(NamedTuple):
         return Motion(z, size, direction, products(direction))
 
     def about(self, tau: Array) -> Array:
-        """Return wrenches (N, 6) [N, N m] about the hull's centre, given wrenches about the origin CO."""
+        """Return wrenches (N, 6) [N, N m] about the hull's centre, given wrenches `tau` about CO (N, 6)."""
         return np.hstack([tau[:, :3], tau[:, 3:] - np.cross(self.centre, tau[:, :3])])
 
 
 def images_of(one: Motion, other: Motion) -> Array:
-    """Return the Matern 3/2 covariances of directions of motion, as an array (8, N, M) over mirror images.
+    """Return the covariances between directions of motion, for each of 8 mirror images, (8, N, M).
+
+    The covariance function is Matern 3/2.
 
     Args:
         one: Motion at N points, whose directions are mirrored by each of the 8 images of `MIRRORS`.
@@ -145,7 +147,7 @@ def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array
 
 
 def noise_of(motion: Motion, logs: Array) -> Array:
-    """Return the variance of each label's error (N,), a constant plus a part that grows with m^6.
+    """Return the variance of each label's error (N,): a constant plus a part that grows with m^6.
 
     Args:
         motion: N motions, with their sizes m.

@@ -22,7 +22,7 @@ ROWS_PER_PASS = 16384  # rows per evaluation of a network, to limit memory
 
 
 def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> Array:
-    """Predict the residual wrench of many states.
+    """Return the residual wrench that a trained model predicts for many states.
 
     Args:
         model: a trained model.
@@ -45,7 +45,7 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
 
 
 def predict_rows(model: Model, table: pl.DataFrame, part: str = "test") -> tuple[pl.DataFrame, Array]:
-    """Predict the residual wrench of the training rows, of the test rows, or of all rows of labels.
+    """Return the residual wrench that a model predicts for training, test or all rows of labels.
 
     Args:
         model: a trained model.
@@ -82,7 +82,7 @@ def evaluate(
     dataset: str = "labels",
     by: Sequence[str] = (),
 ) -> pl.DataFrame:
-    """Measure the errors of models on labels, per axis and over all axes (Table II of Wu et al.).
+    """Return the errors of models on labels, per axis and over all axes (Table II of Wu et al.), as a table.
 
     Args:
         models: trained models with different names.

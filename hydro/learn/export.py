@@ -27,7 +27,7 @@ NEEDED = ("onnx", "onnxscript")  # libraries of the extra `onnx`
 
 
 class Exported(nn.Module):
-    """Complete map from states in SI units to the wrench in N and N m, including features and scalers."""
+    """Torch module of a complete residual model: from states in SI units to the wrench."""
 
     def __init__(self, model: Model) -> None:
         super().__init__()
@@ -35,9 +35,11 @@ class Exported(nn.Module):
         self.physfeat = model.features == "physfeat"
 
     def forward(self, states: Tensor, past: Tensor | None = None) -> Tensor:
-        """Map (nu, nu_dot) (N, 12), and past velocities of a model with a window, to tau_res (N, 6).
+        """Return tau_res (N, 6) [N, N m], body FRD, for states and past velocities.
 
-        Units are m/s, rad/s, m/s^2 and rad/s^2, and N and N m; axes are body FRD.
+        Args:
+            states: (nu, nu_dot) in body axes FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
+            past: past velocities (N, 6 (window - 1)) of a model with a window, newest first; None otherwise.
         """
         inputs = physfeat(states) if self.physfeat else states
         if past is not None:
@@ -47,7 +49,7 @@ class Exported(nn.Module):
 
 
 def physfeat(states: Tensor) -> Tensor:
-    """Compute the 45 features (N, 45) of the feature set `physfeat` from (nu, nu_dot) (N, 12), in torch."""
+    """Return the features `physfeat` (N, 45) of states (nu, nu_dot) (N, 12), as torch tensors."""
     nu = states[:, :6]
     first, second = torch.triu_indices(6, 6, offset=1).unbind()
     even, odd = torch.from_numpy(CROSS.T.copy()).unbind()
@@ -57,12 +59,12 @@ def physfeat(states: Tensor) -> Tensor:
 
 
 def to_onnx(model: Model) -> bytes:
-    """Export a model as an ONNX file.
+    """Return a residual model as the bytes of an ONNX file.
 
     Inputs: `states` (N, 12), nu and nu_dot [m/s, rad/s, m/s^2, rad/s^2], body FRD.  A model with a window
-    also has `past` (N, 6 (window - 1)), the velocities of the previous control steps, newest first.
-    Output: `tau_res` (N, 6) [N, N m], on the left-hand side of the equations of motion: the wrench on the
-    vehicle is -tau_res.  All are float32.  The metadata of the file repeat these definitions.
+    also has `past` (N, 6 (window - 1)), the velocities of the previous control steps, newest first. Output:
+    `tau_res` (N, 6) [N, N m], on the left-hand side of the equations of motion: the wrench on the vehicle is
+    -tau_res.  All are float32.  The metadata of the file repeat these definitions.
 
     Raises:
         DataError: If the tensors of the model do not fit its architecture.
@@ -86,7 +88,7 @@ def to_onnx(model: Model) -> bytes:
 def graph(
     module: nn.Module, inputs: Mapping[str, Tensor], output: str, described: Mapping[str, str]
 ) -> bytes:
-    """Export a module as an ONNX file.
+    """Return a torch module as the bytes of an ONNX file.
 
     Args:
         module: Module to export.

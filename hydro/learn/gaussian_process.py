@@ -76,7 +76,9 @@ def fit(
     centre: Sequence[float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
-    """Fit the Gaussian process of every axis, and project its mean on a few rows; return tensors and error.
+    """Return the Gaussian process of every axis of the wrench, fitted to labels, as tensors of a network.
+
+    The mean of the process is projected on a few rows.
 
     Args:
         nu: Velocities (N, 6) [m/s, rad/s].

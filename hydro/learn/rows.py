@@ -65,7 +65,7 @@ def for_minutes(table: pl.DataFrame, minutes: float) -> pl.DataFrame:
 
 
 def states(rows: pl.DataFrame) -> Array:
-    """Return (nu, nu_dot) (N, 12) in m/s, rad/s, m/s^2 and rad/s^2, body FRD.
+    """Return (nu, nu_dot) of the rows as one array (N, 12) [m/s, rad/s, m/s^2, rad/s^2], body FRD.
 
     Raises:
         DataError: If a column is missing or not finite.
@@ -106,7 +106,7 @@ def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> t
 
 
 def wrenches(rows: pl.DataFrame) -> Array:
-    """Return the labels tau_res (N, 6) in N and N m, body FRD.
+    """Return the labels tau_res of the rows as one array (N, 6) [N, N m], body FRD.
 
     Raises:
         DataError: If a column is missing or not finite.
@@ -115,11 +115,11 @@ def wrenches(rows: pl.DataFrame) -> Array:
 
 
 def validation(rows: pl.DataFrame) -> NDArray[np.bool_]:
-    """Choose the validation rows within the training part, by whole blocks, as a mask (N,).
+    """Return a mask (N,) of the rows, whole blocks of the training part, that control early stopping.
 
     A block is chosen if the hash of its id, read as a fraction, is below 0.1; if none is, the block with the
-    smallest hash.  The choice depends only on the content of the blocks.  Validation only controls early
-    stopping, so no guard rows separate it from the fitted blocks.
+    smallest hash.  The choice depends only on the content of the blocks.  No guard rows separate the chosen
+    blocks from the fitted blocks.
 
     Raises:
         DataError: If there are fewer than two blocks.

@@ -1,4 +1,4 @@
-"""Training of a residual network: the paper's protocol (IV-C), or the same with learning-rate annealing.
+"""Training of a residual network: the protocol of Wu et al. (IV-C), or the same with a falling rate.
 
 Inputs and outputs are standardised with the fitted rows.  Adam with weight decay 1e-5 minimises the mean
 squared standardised error, and gradients are clipped to norm 5.  Training stops 30 epochs after the best one
@@ -70,7 +70,7 @@ TRUSTED = 0.01  # greatest noise of an acceleration that is an input, as a share
 
 
 class Epoch(NamedTuple):
-    """Progress report of an epoch.
+    """Progress report of one epoch of a training.
 
     Attributes:
         number: number of the epoch, from 1.
@@ -271,7 +271,7 @@ def _optimiser(
 
 
 def annealed(done: float) -> float:
-    """Return the learning rate relative to its maximum, after a fraction `done` (0 to 1) of all updates."""
+    """Return the learning rate as a fraction of its maximum, after a fraction `done` of the updates."""
     if done < WARM_UP:
         return (done + 1e-3) / (WARM_UP + 1e-3)
     return 0.5 * (1.0 + math.cos(math.pi * (done - WARM_UP) / (1.0 - WARM_UP)))

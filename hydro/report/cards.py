@@ -31,7 +31,7 @@ NAMES = ("missing", "suspect", "cannot_tell_apart")
 
 
 def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Return the cards of a report, one for each finding, as values for the template of the page.
+    """Return the cards of a report, one for each finding of a diagnosis, as values for the template.
 
     The cards of a study show the effects that each step of the study added, and all findings of the diagnosis
     after the step to use.
@@ -76,7 +76,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def confusions(sources: Sources) -> list[dict[str, str]]:
-    """Return, for each finding of a diagnosis, the effects with which it can be confused, in words.
+    """Return, for each finding of a diagnosis, the effects that can be confused with the finding, as texts.
 
     Returns:
         A dict for each finding: the `effect`, the effects `tied` that fit equally well, the `usual` ones that
@@ -103,7 +103,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
 
 
 def to_record(sources: Sources) -> list[dict[str, str]] | None:
-    """Return the advice for the next run, from the diagnosis of the study's step to use.
+    """Return the advice which recording to make next, from the diagnosis after the study's step to use.
 
     Returns:
         A dict for each advice: `what` to record, and `why`; None without a diagnosis.

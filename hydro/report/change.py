@@ -24,7 +24,7 @@ PARAMETER = "before"
 
 
 def parameters_of(told: Mapping[str, Any], hull: Hull) -> dict[str, Any]:
-    """Return the entry for the footer of a table that was made with a recording from before a change.
+    """Return the entry in a table's footer that describes the recording from before a change.
 
     Args:
         told: Name of the recording, and the network if there is one.
@@ -39,7 +39,7 @@ def parameters_of(told: Mapping[str, Any], hull: Hull) -> dict[str, Any]:
 
 
 def of_change(one: Named) -> bool:
-    """Return whether a table was made with a recording from before a change."""
+    """Return whether a table was made with an additional recording from before a change (`--before`)."""
     return PARAMETER in one.artefact.provenance.parameters
 
 
@@ -93,11 +93,12 @@ def learnt(before: Mapping[str, Any]) -> str:
 
 
 def told(parameters: Mapping[str, Any], chi2: tuple[float, ...]) -> str:
-    """Return sentences on the hull-force model, and on the residual after the change.
+    """Return two sentences: on the fit of the hull-force model, and on the residual after the change.
 
     Args:
         parameters: Parameters of the diagnosis.
-        chi2: Mean squared residuals of the diagnosis, as for `left`.
+        chi2: Mean squared residuals of the diagnosis: first of the vehicle file as given, last with the
+            findings added, in units of the mean squared residual of the hull-force model.
     """
     return f"{learnt(parameters[PARAMETER])} {left(chi2)}"
 
@@ -118,15 +119,15 @@ def left(chi2: tuple[float, ...]) -> str:
 
 
 def errors(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return errors with the hull-force model, one row per axis; no rows without such a model.
+    """Return a table of errors with the hull-force model, one row per axis; no rows without such a model.
 
     Args:
         comparison: Comparison table.
 
     Returns:
-        Columns `axis`; root mean square prediction errors of the vehicle file alone, `file before` and
-        `file after` the change; errors with the hull-force model, `model before` and `model after`;
-        `ratio`, `model after` divided by `model before`; and `unit`.
+        Columns `axis`; root mean square prediction errors of the vehicle file alone, `file before` and `file
+        after` the change; errors with the hull-force model, `model before` and `model after`; `ratio`, `model
+        after` divided by `model before`; and `unit`.
     """
     rows = comparison.filter(level=LEVEL)
     table = rows.filter(pl.col("axis") != FLOOR).select("axis", "unit").unique(maintain_order=True)
@@ -145,7 +146,11 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def table_of(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield the rows of `errors` as a table for a terminal, one row per axis."""
+    """Yield the lines of a table for a terminal: errors with the hull-force model, one line per axis.
+
+    Args:
+        comparison: Comparison table.
+    """
     shown = errors(comparison)
     seconds = comparison.filter(level=LEVEL)["horizon"][0]
     columns = ("file before", "file after", "model before", "model after", "ratio")
@@ -192,8 +197,8 @@ def title(comparison: pl.DataFrame) -> str:
 def summary(comparison: pl.DataFrame) -> str:
     """Return a sentence on the error after the change divided by the error before the change, over all axes.
 
-    Both are errors with the hull-force model.  The sentence also names the axis with the largest ratio.  It
-    is empty if the comparison has no hull-force model.
+    Both are errors with the hull-force model.  The sentence also names the axis with the largest ratio.  The
+    text is empty if the comparison has no hull-force model.
     """
     table = errors(comparison)
     if table.is_empty():

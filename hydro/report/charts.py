@@ -14,7 +14,11 @@ AS_TEXT = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 
 @dataclass
 class Charts:
-    """Figures by their place on the page: one figure, or one for each choice of a selector."""
+    """Collection of the figures of a page, by place: one figure, or one for each choice of a selector.
+
+    Attributes:
+        held: Figures as JSON text, a list for each place by its name.
+    """
 
     held: dict[str, list[str]] = field(default_factory=dict)
 
@@ -24,7 +28,7 @@ class Charts:
         return name
 
     def json(self) -> str:
-        """Return all figures as JSON that is safe in a script element."""
+        """Return all figures as JSON text that is safe in a script element of the page."""
         whole = ",".join(f'"{name}":[{",".join(drawn)}]' for name, drawn in self.held.items())
         for sign, text in AS_TEXT.items():
             whole = whole.replace(sign, text)

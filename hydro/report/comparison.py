@@ -25,12 +25,12 @@ DIAGNOSED = ("--against",)
 
 
 def answer(comparison: pl.DataFrame, call: Call, width: int, learned: str = "") -> list[Text]:
-    """Return the text of a comparison as lines of a terminal.
+    """Return a comparison as lines of a terminal: headline, table of errors, and the worst regimes of motion.
 
     Args:
         comparison: Comparison table.
         call: The command.
-        width: Columns.
+        width: Columns of the terminal.
         learned: Sentences on the hull-force model of a recording before a change; empty without one.
     """
     changed = not change.errors(comparison).is_empty()
@@ -83,7 +83,11 @@ def judged(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield the rows of `judged` as a table for a terminal."""
+    """Yield the lines of a table for a terminal: prediction errors, one line per axis.
+
+    Args:
+        comparison: Comparison table.
+    """
     shown = judged(comparison)
     if shown.is_empty():
         return
@@ -99,7 +103,11 @@ def ahead(comparison: pl.DataFrame) -> Iterator[Text]:
 
 
 def worst(comparison: pl.DataFrame) -> Iterator[Text]:
-    """Yield a paragraph for each of the regimes of motion with most of the error above the noise floor."""
+    """Yield one paragraph for each regime of motion with most of the error above the noise floor.
+
+    Args:
+        comparison: Comparison table.
+    """
     if within_noise(comparison):
         return
     yield EMPTY
@@ -118,14 +126,15 @@ def relative(ratio: float | None) -> str:
 
 
 def forces(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the unexplained wrench of a comparison, one row per axis.
+    """Return the residual forces of a comparison (forces that the model does not explain), one row per axis.
 
     Args:
         comparison: Comparison table.
 
     Returns:
         Columns `force on` (the axis in words), `rmse` with its 95 % interval `from` to `to`, `noise floor`,
-        `share`, `unit`, and `before`, the error of an earlier comparison, if it is known.
+        `share` of all unexplained squared error, `unit`, and `before`, the error of an earlier comparison, if
+        it is known.
     """
     whole = comparison.filter(level="force", by="all")
     return whole.select(
@@ -141,10 +150,13 @@ def forces(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return errors of predictions as text, one row per axis and one column per horizon.
+    """Return a table of prediction errors as text, one row per axis and one column per horizon.
 
     A cell has the errors before and after the change of the file, `2.1 -> 0.4`, or the error with the noise
     floor, `2.1 (0.01)`.  The first column is `axis`, the last `unit`.
+
+    Args:
+        comparison: Comparison table.
     """
     whole = comparison.filter(level="replay", by="all")
     now = pl.col("rmse").map_elements(_figure, pl.String)
@@ -161,17 +173,25 @@ def predictions(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the worst regimes of motion of a comparison table, the largest share of the error first."""
+    """Return the worst regimes of motion of a comparison as a table, the largest share of the error first.
+
+    Args:
+        comparison: Comparison table.
+    """
     return _placed(comparison, pl.col("rank").is_not_null()).sort("rank")
 
 
 def former_failures(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return the worst regimes of motion of the earlier comparison that are no longer among the worst."""
+    """Return a table of regimes that were among the worst in the earlier comparison and no longer are.
+
+    Args:
+        comparison: Comparison table made with an earlier comparison.
+    """
     return _placed(comparison, pl.col("rank").is_null() & (pl.col("by") == "place")).drop("rank")
 
 
 def within_noise(comparison: pl.DataFrame) -> bool:
-    """Return whether noise explains the error: no regime is ranked, or the total error is below the floor."""
+    """Return whether noise explains the error: no regime is ranked, or the error is below the noise floor."""
     shown = judged(comparison)
     below = not shown.is_empty() and shown["error"][-1] <= shown["noise floor"][-1]
     return below or failures(comparison).is_empty()

@@ -86,7 +86,15 @@ class Context:
     def of(
         cls, found: Diagnosis, vehicle: Vehicle, log: Preprocessed, call: Call, learned: str = ""
     ) -> Context:
-        """Return the context of a diagnosis that was just made."""
+        """Return the context (data other than the findings) of a diagnosis that was just made.
+
+        Args:
+            found: The diagnosis.
+            vehicle: The vehicle file.
+            log: The recording after preprocessing.
+            call: The command.
+            learned: Sentences on the hull-force model of a recording before a change; empty without one.
+        """
         changed, asked, dt = bool(learned), found.question is not None, log.record.dt
         wrong = log.audit.wiring if log.audit is not None and log.audit.wrong else None
         flipped = wrong.reversed if wrong is not None and not wrong.moved else ()
@@ -132,7 +140,7 @@ def answer(frame: pl.DataFrame, about: Context, width: int, *, whole: bool = Fal
 
 
 def commands(frame: pl.DataFrame, about: Context) -> list[Following]:
-    """Return the next command, then its alternatives, which write other files.
+    """Return the recommended next command, then its alternatives, as commands to be pasted.
 
     Args:
         frame: Diagnosis table.
@@ -181,7 +189,7 @@ def _has_block(row: Mapping[str, Any]) -> bool:
 
 
 def errors(known: Prediction) -> Iterator[Text]:
-    """Yield the lines of a table of prediction errors, one per axis: as given, with findings, noise floor.
+    """Yield the lines of a table of prediction errors, one line per axis: as given, corrected, noise floor.
 
     Args:
         known: Errors before and after the findings are added.
@@ -228,7 +236,7 @@ def _blocks(rows: Sequence[dict[str, Any]], about: Context) -> Iterator[Block]:
 
 
 def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator[Text]:
-    """Yield the title of a finding with its confidence, the sentence on its values, and its share.
+    """Yield the paragraphs on one finding: title with confidence, sentence on its values, and its share.
 
     Args:
         row: Row of the diagnosis table.
@@ -246,7 +254,12 @@ def finding(row: Mapping[str, Any], about: Context, number: int = 0) -> Iterator
 
 
 def title(row: Mapping[str, Any], about: Context) -> str:
-    """Return the title of a finding, such as its verdict and effect, from a row of the diagnosis table."""
+    """Return the title of a finding with verdict and effect, such as `New values of payload, unconfirmed`.
+
+    Args:
+        row: Row of the diagnosis table.
+        about: Other data of the answer.
+    """
     names = TITLES | (CHANGED if about.changed else {})
     effect = words.effect_name(row["effect"])
     members = listed([words.effect_name(name) for name in row["members"]], "or")
@@ -270,7 +283,11 @@ def said(row: Mapping[str, Any], about: Context) -> str:
 
 
 def sureness(row: Mapping[str, Any]) -> str:
-    """Return the confidence in a finding as text, or else its p-value; empty without a value or a test."""
+    """Return the confidence in a finding as text, or else its p-value; empty without both.
+
+    Args:
+        row: Row of the diagnosis table.
+    """
     if not row["parameters"] or row["verdict"] == "cannot_tell_apart":
         return ""
     if row["confidence"] is not None:
@@ -281,7 +298,11 @@ def sureness(row: Mapping[str, Any]) -> str:
 
 
 def facts(row: Mapping[str, Any]) -> str:
-    """Return a sentence on a finding: its share of the error above the noise, and equally good effects."""
+    """Return a sentence: a finding's share of the squared error above the noise, and equally good effects.
+
+    Args:
+        row: Row of the diagnosis table.
+    """
     share = row["share_of_error_explained"]
     if share is None or not (row["parameters"] or row["verdict"] in UNEXPLAINED):
         return ""
@@ -311,12 +332,12 @@ def _share(row: Mapping[str, Any]) -> str:
 
 
 def has_shares(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether any finding of the table states a share of the error, which then needs a note."""
+    """Return whether any finding of the rows states a share of the error, which a note must then explain."""
     return any(facts(row) for row in rows)
 
 
 def has_unconfirmed(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether any finding of the table is unconfirmed, which then needs a note."""
+    """Return whether any finding of the rows is unconfirmed, so that a note must explain this."""
     return any(row["verdict"] == "suspect" for row in rows)
 
 
@@ -334,7 +355,7 @@ def look_up(effects: Sequence[str]) -> list[Text]:
 
 
 def unseen(frame: pl.DataFrame, about: Context) -> Iterator[Text]:
-    """Yield the effects that the recording cannot show, with the manoeuvre that would show the first one.
+    """Yield lines on effects that the recording cannot show, with the manoeuvre that would show the first.
 
     Args:
         frame: Diagnosis table.
@@ -353,7 +374,7 @@ def unseen(frame: pl.DataFrame, about: Context) -> Iterator[Text]:
 
 
 def details(frame: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame, str]]:
-    """Yield the findings of a diagnosis, best first, each as a title, a table and a text.
+    """Yield the findings of a diagnosis, best first, as triples of a title, a table and a text.
 
     Args:
         frame: Diagnosis table.

@@ -40,7 +40,7 @@ OF_NETWORKS = {
 
 
 def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
-    """Return the section of the page on one metrics table, as values for its template.
+    """Return the section of the page on one table of errors (metrics), as values for the page's template.
 
     Args:
         one: The table.

@@ -59,7 +59,7 @@ STYLE: Any = {
 
 
 def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = VELOCITY_PANELS) -> pl.DataFrame:
-    """Return the data of the overlay figure as a table: one row per axis, variant and time.
+    """Return the data of a figure of measured and simulated velocities: one row per axis, variant and time.
 
     A curve ends where its error first exceeds the whole range of the measured motion: after that it has no
     information and would hide other curves.
@@ -98,7 +98,11 @@ def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = VELOCITY_PANELS)
 
 
 def draw_overlay(table: pl.DataFrame) -> Figure:
-    """Draw measured and replayed velocities, one panel per axis, from `overlay_table`."""
+    """Return a figure of measured and simulated velocities, one panel per axis.
+
+    Args:
+        table: Result of `overlay_table`.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -148,7 +152,12 @@ def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
 
 
 def draw_errors(table: pl.DataFrame, title: str = "Open-loop replay, RMSE (lower is better)") -> Figure:
-    """Draw the errors of `tables.replay_errors` as a heat map, translation left and rotation right."""
+    """Return a figure with the errors of replays as heat maps, translation left and rotation right.
+
+    Args:
+        table: Result of `tables.replay_errors`.
+        title: Title of the figure.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -210,7 +219,12 @@ def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write `figure` as PNG with Agg, atomically; the same figure gives the same bytes."""
+    """Write a Matplotlib figure as a PNG file, atomically; the same figure gives the same bytes.
+
+    Args:
+        figure: The figure.
+        path: The file.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)

@@ -22,7 +22,7 @@ CONTINUED = 2
 
 @dataclass(frozen=True)
 class Call:
-    """Arguments of the command that was run, as far as the next command needs them.
+    """The command that was run: those of its arguments that the next command needs.
 
     Attributes:
         vehicle: Vehicle file.
@@ -59,7 +59,7 @@ class Call:
         return [*words, *more]
 
     def adding(self, *effects: str, into: str = "") -> list[str] | None:
-        """Return the words of `hydro add`, for all confirmed findings or for effects by name.
+        """Return the words of the `hydro add` command for all confirmed findings, or for the named effects.
 
         Args:
             effects: Effects to add; empty for all confirmed findings.
@@ -87,7 +87,7 @@ class Call:
         return ["hydro", "vehicle", "flip", str(self.vehicle), "--thruster", numbers, *target]
 
     def fitting(self, *effects: str) -> list[str] | None:
-        """Return the words of the `hydro fit` command on the recording from before a change.
+        """Return the words of the `hydro fit` command that fits effects to the recording before a change.
 
         Args:
             effects: Effects to fit.
@@ -147,18 +147,18 @@ def next_file(vehicle: Path, into: str = "") -> str:
 
 
 def quoted(words: Sequence[str]) -> list[str]:
-    """Return the words of a command as a shell reads them; `|` joins two commands."""
+    """Return the words of a command quoted for a shell; the word `|`, which joins two commands, stays."""
     return [one if one == PIPE else in_shell(one) for one in words]
 
 
 def pasted(words: Sequence[str], width: int, indent: str = INDENT) -> Iterator[str]:
-    """Yield the lines of a command that a shell reads as one, each as wide as the terminal at most.
+    """Yield the lines of a command, each at most as wide as the terminal, that a shell reads as one command.
 
     Only a single word can be wider. An option and its value stay on one line.
 
     Args:
         words: Quoted words.
-        width: Columns.
+        width: Columns of the terminal.
         indent: Indentation of each line.
     """
     units: list[str] = []

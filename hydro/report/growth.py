@@ -15,7 +15,7 @@ GRID = float(POWERS[1] - POWERS[0])
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return the section of the page on the growth of force, as values for the template.
+    """Return the section of the page on the growth of force with velocity, as values for the page's template.
 
     Returns:
         A dict with sentences `told` and table rows `rows`; None without a growth table.

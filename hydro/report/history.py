@@ -24,7 +24,7 @@ HEIGHT = 240
 
 
 def render(history: History, table: Artefact, title: str, failed: Sequence[str] = ()) -> str:
-    """Return the page of a history as HTML text that loads no other file.
+    """Return the page of a history of dives as HTML text that loads no other file.
 
     Args:
         history: The history.
@@ -51,7 +51,7 @@ def render(history: History, table: Artefact, title: str, failed: Sequence[str] 
 
 
 def time_line(history: History, row: int, level: Sequence[float]) -> Figure:
-    """Draw the estimates of one parameter over the dives, with 95 % intervals and the fitted level.
+    """Return a figure with the estimates of one parameter over the dives, 95 % intervals and fitted level.
 
     Args:
         history: The history.

@@ -16,7 +16,13 @@ INLINE = ("parameters", "standard_errors")
 
 
 def json_text(**said: Any) -> str:
-    """Return the arguments as one JSON object; tables become lists of rows, non-finite numbers null."""
+    """Return the keyword arguments as the text of one JSON object.
+
+    Tables become lists of rows, and numbers that are not finite become null.
+
+    Args:
+        said: Values by name.
+    """
     return json.dumps({name: _plain(value) for name, value in said.items()}, allow_nan=False, indent=1)
 
 

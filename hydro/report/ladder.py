@@ -27,7 +27,12 @@ PLAIN_ERRORS = 3.0
 
 
 def title(ladder: pl.DataFrame, dataset: str) -> str:
-    """Return the title of the table of `errors`, with its units."""
+    """Return the title of a study's table of errors, with its units.
+
+    Args:
+        ladder: Ladder table: prediction errors of each step of a study.
+        dataset: `fit` or `holdout`.
+    """
     moving = "all" in measured(ladder.filter(dataset=dataset))
     units = "u v w [m/s], p q r [rad/s], all [m/s]" if moving else "x y z [m], phi theta psi [rad], pose [m]"
     return TITLES[dataset].format(HORIZON, units)
@@ -88,10 +93,13 @@ def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
 
 
 def values(table: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line for each parameter of a fitted effect: values ± standard errors and their unit.
+    """Yield one line for each parameter of a fitted effect: values ± standard errors and their unit.
 
-    Of a list, only components that differ significantly from 0 are shown, numbered from 1.  The others are
+    Of a list, only components that differ significantly from 0 are shown, numbered from 1.  All others are
     near 0 if their standard errors are small, and else not determined.
+
+    Args:
+        table: `[[effect]]` table of the effect, with standard errors.
     """
     effect = CATALOGUE[table["name"]]
     texts = effect.written(table)

@@ -29,7 +29,7 @@ Row = dict[str, Any]
 
 
 def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Return the section of the page on unexplained forces, as values for the template.
+    """Return the section of the page on unexplained forces, as values for the page's template.
 
     Args:
         sources: Artefacts of the report.
@@ -69,7 +69,7 @@ def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def panel(rows: pl.DataFrame, *, curve: bool) -> go.Figure:
-    """Draw the mean unexplained force in each bin of velocity, before and after the study.
+    """Return a figure with the mean unexplained force in each bin of velocity, before and after the study.
 
     Args:
         rows: Rows of a leftover table of one axis and velocity.

@@ -36,7 +36,7 @@ class NextStep:
 
 
 def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tuple[NextStep, ...]:
-    """Return the steps that a diagnosis supports, the recommended one first.
+    """Return the next steps that a diagnosis supports, the recommended one first.
 
     Thrusters that contradict the file come first, then confirmed findings, then all others by rank.
 
@@ -66,14 +66,18 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
 
 
 def is_of_thrusters(row: Mapping[str, Any]) -> bool:
-    """Return whether a fault of the log concerns the directions or the order of the thrusters."""
+    """Return whether a finding is a fault of the log in the directions or the order of the thrusters.
+
+    Args:
+        row: Row of the diagnosis table.
+    """
     return row["verdict"] == "log_fault" and row["confidence"] is not None
 
 
 def in_python(step: NextStep) -> str:
-    """Return a step as the text of a Python expression; empty if Python has no such function.
+    """Return a step as the text of a Python expression; empty if hydro's Python functions have no such step.
 
-    Its names are `vehicle`, `raw`, the recording `before` a change, and the diagnosis `found`.
+    Names in the expression are `vehicle`, `raw`, the recording `before` a change, and the diagnosis `found`.
     """
     if step.action == ADD:
         names = f", {list(step.effects)}" if step.effects else ""

@@ -24,7 +24,7 @@ OVER_TIME = (
 
 
 def overview(raw: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of the picture, with consecutive sessions on one clock.
+    """Return the data of the picture of a recording: averages over bins, with all sessions on one clock.
 
     Args:
         raw: Raw table.
@@ -69,7 +69,7 @@ def _thinned(laid: pl.DataFrame, every: int) -> pl.DataFrame:
 
 
 def draw(rows: pl.DataFrame, title: str) -> Figure:
-    """Draw a recording: the track on the left if it is known, and all other quantities over time.
+    """Return a figure of a recording: on the left the track, if known; all other quantities over time.
 
     Args:
         rows: Result of `overview`.

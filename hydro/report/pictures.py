@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def draw(sources: Sources, folder: Path) -> list[Path]:
-    """Draw a PNG file for each available table: places, findings, ladder, replays and errors.
+    """Write a PNG file for each available table: worst regimes, findings, ladder, replays and errors.
 
     Args:
         sources: Artefacts of the report.
@@ -68,7 +68,11 @@ def _all(sources: Sources) -> Iterator[tuple[str, Figure]]:
 
 
 def draw_places(comparison: pl.DataFrame) -> Figure:
-    """Draw the regimes with the largest errors, as bars of their shares of the unexplained error."""
+    """Return a figure with a bar for each of the worst regimes: its share of the unexplained error.
+
+    Args:
+        comparison: Comparison table.
+    """
     rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
     names = [f"{MOTIONS[axis]} {place}" for axis, place in rows.select("axis", "place").rows()]
 
@@ -82,7 +86,11 @@ def draw_places(comparison: pl.DataFrame) -> Figure:
 
 
 def draw_findings(diagnosis: pl.DataFrame) -> Figure:
-    """Draw the share of the error that every finding explains, with its 95 % interval."""
+    """Return a figure with the share of the error that every finding explains, with its 95 % interval.
+
+    Args:
+        diagnosis: Diagnosis table.
+    """
     rows = diagnosis.filter(pl.col("share_of_error_explained").is_not_null()).sort("rank")
     names = [
         f"{words.verdict(row)[0].lower()}: {words.effect_name(row['effect'])}" for row in rows.to_dicts()
@@ -107,7 +115,11 @@ def draw_findings(diagnosis: pl.DataFrame) -> Figure:
 
 
 def draw_ladder(ladder: pl.DataFrame) -> Figure:
-    """Draw the error of every axis at each step of a study, with noise floors, for each data set."""
+    """Return a figure with the error of every axis at each step of a study, with noise floors, by data set.
+
+    Args:
+        ladder: Ladder table.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

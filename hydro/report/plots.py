@@ -37,7 +37,7 @@ DATASET_STYLES = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamon
 
 
 def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
-    """Draw the prediction error of each step of a study, with its 95 % interval and the noise floor.
+    """Return a figure of a study's prediction error at each step, its 95 % interval and the noise floor.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.
@@ -79,13 +79,13 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
 
 
 def wide(errors: pl.Series) -> bool:
-    """Return whether positive errors differ by so large a factor that they need a logarithmic axis."""
+    """Return whether the positive errors differ by so large a factor that they need a logarithmic axis."""
     positive = errors.filter(errors > 0.0)
     return len(positive) > 0 and _number(positive.max()) > SPAN * _number(positive.min())
 
 
 def parameters(values: Sequence[Value]) -> go.Figure:
-    """Draw values of one unit as dots with 95 % intervals, and zero as a line."""
+    """Return a figure with values of one unit as dots with 95 % intervals, and a line at zero."""
     bounds = [one.interval or (one.value, one.value) for one in values]
     drawn = go.Figure()
     drawn.add_scatter(
@@ -112,7 +112,7 @@ def parameters(values: Sequence[Value]) -> go.Figure:
 
 
 def conditions(rows: pl.DataFrame) -> go.Figure:
-    """Draw the error in each condition of one kind, such as bands of speed.
+    """Return a figure with the error in each condition of one kind, such as bands of speed.
 
     If the comparison has the errors of an earlier file, they are drawn too.
 
@@ -151,7 +151,7 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
 
 
 def overlay(replay: pl.DataFrame, session: str, axis: str, bands: pl.DataFrame | None = None) -> go.Figure:
-    """Draw the measured and simulated velocity of one session and axis.
+    """Return a figure with the measured and simulated velocity of one session and axis.
 
     A simulated curve is interrupted where its error exceeds the whole range of the measured motion.  A curve
     whose error exceeds the standard deviation of the motion is omitted, unless all curves do.  Such curves
@@ -200,7 +200,7 @@ def overlay(replay: pl.DataFrame, session: str, axis: str, bands: pl.DataFrame |
 
 
 def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go.Figure:
-    """Draw the path of one session from above, east to the right and north up, with equal scales.
+    """Return a figure with the path of one session from above, east right and north up, with equal scales.
 
     Args:
         replay: Replay table.
@@ -218,7 +218,7 @@ def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go
 def depth(
     replay: pl.DataFrame, session: str, restart: float | None = None, bands: pl.DataFrame | None = None
 ) -> go.Figure:
-    """Draw the depth of one session over time, downward.
+    """Return a figure with the depth of one session over time, downward.
 
     Args:
         replay: Replay table.
@@ -237,7 +237,7 @@ def depth(
 
 
 def commands(replay: pl.DataFrame, session: str, names: Sequence[str]) -> go.Figure:
-    """Draw the commands of one session, from -100 to 100 % for each thruster.
+    """Return a figure with the commands of one session, from -100 to 100 % for each thruster.
 
     Args:
         replay: Replay table with commands.
@@ -335,7 +335,7 @@ def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
 
 
 def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return the legend label and the colour of each curve, such as `#2F87D0`, by variant, `measured` first.
+    """Return the legend label and the colour (such as `#2F87D0`) of each curve, by variant, `measured` first.
 
     Args:
         variants: Variants of a replay, or the models `step-K` of a study's steps; `measured` may be one.
@@ -351,7 +351,7 @@ def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
-    """Draw errors per axis, with one bar for each model or variant.
+    """Return a figure with errors per axis, one bar for each model or variant.
 
     Args:
         metrics: Rows of one metric and unit.

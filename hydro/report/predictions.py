@@ -50,7 +50,14 @@ def density_table(truth: NDArray[Any], predicted: NDArray[Any]) -> pl.DataFrame:
 
 
 def draw_density(table: pl.DataFrame, title: str) -> Figure:
-    """Draw `density_table`, one panel per axis; exact predictions are on the diagonal."""
+    """Return a figure with the histogram of true and predicted wrenches, one panel per axis.
+
+    Exact predictions are on the diagonal.
+
+    Args:
+        table: Result of `density_table`.
+        title: Title of the figure.
+    """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -85,7 +92,7 @@ def _draw_cells(panel: Axes, rows: pl.DataFrame, title: str) -> None:
 
 
 def draw_axes(metrics: pl.DataFrame) -> Figure:
-    """Draw the errors of models by axis, with 95 % intervals (Fig. 2 of Wu et al.).
+    """Return a figure with the errors of models by axis, with 95 % intervals (Fig. 2 of Wu et al.).
 
     Args:
         metrics: Metrics of predicted wrenches.
@@ -114,7 +121,7 @@ def draw_axes(metrics: pl.DataFrame) -> Figure:
 
 
 def draw_regimes(metrics: pl.DataFrame) -> Figure:
-    """Draw the errors of models by regime of motion, one panel per way to divide the rows.
+    """Return a figure with the errors of models by regime of motion, one panel per way to divide the rows.
 
     Args:
         metrics: metrics of predicted wrenches, measured by regime.

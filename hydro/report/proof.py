@@ -30,7 +30,7 @@ OURS, OTHERS, TRUE = figures.COLOURS[2], "#9A9A9A", "#222222"
 
 @dataclass(frozen=True)
 class Shown:
-    """Results of one change of the vehicle, as drawn in a row of the figure.
+    """Results for one change of the vehicle, drawn in one row of the figure.
 
     Attributes:
         errors: Held-out error by method; columns `method` and `error` [m/s].
@@ -52,7 +52,7 @@ class Shown:
 
 
 def draw(changes: Mapping[str, Shown]) -> Figure:
-    """Draw a figure with a row of three panels for every change of the vehicle.
+    """Return a figure with a row of three panels for every change of the vehicle.
 
     Args:
         changes: Results of each change, by the title of its row.

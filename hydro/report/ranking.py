@@ -18,9 +18,13 @@ RANKINGS_DRAWN = 2000
 
 
 class Agreement(NamedTuple):
-    """Kendall's tau-b of two rankings: 1 for equal, -1 for reversed, 0 for unrelated ones.
+    """Agreement of two rankings, as Kendall's tau-b.
 
-    `low` and `high` are the 95 % interval.  `p_value` is that of the hypothesis of no relation.
+    Attributes:
+        tau: Tau-b: 1 for equal rankings, -1 for reversed, 0 for unrelated rankings.
+        low: Lower end of the 95 % interval.
+        high: Upper end of the 95 % interval.
+        p_value: p-value of the hypothesis of no relation.
     """
 
     tau: float
@@ -30,7 +34,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: int = 0) -> Agreement:
-    """Return the agreement of two rankings of the same models, by two measures of error.
+    """Return the agreement of two rankings of the same models, each by another error.
 
     Models are ranked by their means over seeds.  The interval resamples models, and seeds within each model.
     Both errors use the same resampled seeds, because they belong to the same trained networks.
@@ -61,7 +65,7 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
 
 
 def no_better(errors: ArrayLike, best: ArrayLike) -> float:
-    """Return the p-value of a one-sided exact rank-sum test that a model's errors are not larger.
+    """Return the exact one-sided rank-sum p-value of the claim that a model has larger errors than the best.
 
     Args:
         errors: Errors of the model, one number per network, shape (S,).

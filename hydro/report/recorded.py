@@ -14,7 +14,7 @@ from hydro.report.sources import Sources
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Return the section of the page on the recordings, as values for the template.
+    """Return the section of the page on the recordings, as values for the page's template.
 
     Returns:
         A dict with `groups` (recordings, with minutes and number of sessions), `sessions` (with minutes and
@@ -45,7 +45,7 @@ def section(sources: Sources) -> dict[str, Any] | None:
 
 
 def sample_time(sources: Sources) -> float:
-    """Return the sample time of the recording [s]; NaN if it is not known."""
+    """Return the sample time of the report's recording [s]; NaN if it is not known."""
     listed = _listed(sources)
     return math.nan if listed.is_empty() else float(listed["sample_time"][0])
 

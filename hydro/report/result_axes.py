@@ -42,10 +42,10 @@ MARK: Any = {"linestyle": "", "markersize": 8, "markeredgewidth": 2, "fillstyle"
 def panels(
     given: Axes | Sequence[Axes] | None, count: int, height: float, heights: Sequence[float] = (1.0,)
 ) -> NDArray[np.object_]:
-    """Return the axes to draw into, (count,): the given ones, or those of a new figure.
+    """Return the Matplotlib axes to draw into, (count,): the user's, or those of a new figure.
 
     Args:
-        given: Axes of the user.
+        given: Axes of the user; None for a new figure.
         count: Number of axes that are needed.
         height: Height of a new figure [inch].
         heights: Relative heights of the rows of a new figure.
@@ -128,7 +128,7 @@ def draw_findings(panel: Axes, diagnosis: pl.DataFrame, *, changed: bool) -> Non
 def draw_errors_ahead(
     given: Axes | Sequence[Axes] | None, errors: pl.DataFrame, horizon: float | None
 ) -> NDArray[np.object_]:
-    """Draw errors of predictions, axes of translation in one panel and of rotation in the other.
+    """Draw prediction errors into two panels: axes of translation in the first, of rotation in the second.
 
     Args:
         given: Two axes to draw into; None for a new figure.

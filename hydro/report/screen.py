@@ -44,7 +44,7 @@ EMPTY = Text()
 
 
 def laid(paragraphs: Iterable[Text], width: int) -> list[Text]:
-    """Return paragraphs as lines of a terminal that is `width` columns wide."""
+    """Return the paragraphs as one list of lines that fit a terminal of `width` columns."""
     return [line for one in paragraphs for line in one.lines(width)]
 
 
@@ -61,7 +61,7 @@ def command(words: Sequence[str] | None, width: int) -> Iterator[Text]:
 
 @dataclass(frozen=True)
 class Following:
-    """Next command of an answer.
+    """Next command that an answer proposes, with its purpose.
 
     Attributes:
         label: Purpose of the command.
@@ -108,7 +108,7 @@ class Block:
 def fitted(
     head: Sequence[Text], blocks: Sequence[Block], tail: Sequence[Text], width: int, more: str
 ) -> list[Text]:
-    """Return the lines of an answer: as many blocks as fit, and a note on omitted ones.
+    """Return the lines of an answer with as many blocks as fit on the terminal, and a note on omitted blocks.
 
     If the blocks do not fit, the last ones are omitted, but never the first.
 
@@ -116,7 +116,7 @@ def fitted(
         head: First paragraphs.
         blocks: Blocks, the most important first.
         tail: Last paragraphs.
-        width: Columns.
+        width: Columns of the terminal.
         more: Note on omitted blocks, with `{count}`; empty if none may be omitted.
     """
     begin, end = laid(head, width), laid(tail, width)

@@ -37,7 +37,7 @@ def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
-    """Compare the rankings of models by the error of the predicted wrench and of the replayed velocity.
+    """Return the agreement of two rankings of models: by the predicted wrench and by the replayed velocity.
 
     Args:
         predicted: Metrics of predicted wrenches of several networks, with a column `run`.
@@ -78,7 +78,7 @@ def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
-    """Test for every length of training data whether each model replays worse than the best.
+    """Return p-values that models replay no worse than the best model, for every length of training data.
 
     Args:
         replayed: Metrics of replays of several networks, with the columns `run` and `minutes`.
@@ -105,7 +105,7 @@ def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
 
 
 def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return Kendall's tau of the two errors as a table, one row per axis.
+    """Return a new table of Kendall's tau between two rankings of the models, one row per axis.
 
     Args:
         metrics: Result of `ranking`.
@@ -151,14 +151,14 @@ def minutes_table(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Return errors of replays under every kind of conditioning, one row per variant, one column per kind.
+    """Return errors of replays by kind of conditioning (filter and limits of a network's wrench), as a table.
 
     Args:
         metrics: Errors of replays whose dataset is the kind, such as `off` or `paper-old`.
 
     Returns:
-        Columns `variant`, and for each kind, named after it, the root mean square error over all six
-        velocities [m/s, rad/s]; null if the replay diverged.
+        One row per variant.  Columns `variant`, and for each kind, named after it, the root mean square error
+        over all six velocities [m/s, rad/s]; null if the replay diverged.
     """
     rows = metrics.filter(pl.col("axis") == "all", pl.col("metric").is_in(["rmse", "diverged"]))
     return rows.with_columns(value=pl.when(pl.col("metric") == "rmse").then("value")).pivot(

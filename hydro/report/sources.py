@@ -30,7 +30,12 @@ STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 
 @dataclass(frozen=True)
 class Named:
-    """Artefact (table with provenance) and the file name that the user gave for it."""
+    """Artefact (table with provenance) together with the file name that the user gave for it.
+
+    Attributes:
+        name: The file name.
+        artefact: The artefact.
+    """
 
     name: str
     artefact: Artefact
@@ -43,7 +48,19 @@ class Named:
 
 @dataclass(frozen=True)
 class Sources:
-    """Artefacts of a report by kind; comparisons and diagnoses in the order of their steps."""
+    """Artefacts (tables with provenance) of a report, sorted by kind.
+
+    Attributes:
+        comparisons: Comparisons, in the order of a study's steps.
+        diagnoses: Diagnoses, in the order of a study's steps.
+        ladder: Errors of the steps of a study; None without.
+        replays: Recorded and simulated motions.
+        metrics: Errors.
+        leftover: Unexplained forces; None without.
+        growth: Powers of velocity by which unexplained forces grow; None without.
+        sessions: List of the sessions; None without.
+        bands: 95 % intervals of predictions; None without.
+    """
 
     comparisons: tuple[Named, ...] = ()
     diagnoses: tuple[Named, ...] = ()
@@ -68,7 +85,7 @@ class Sources:
 
 
 def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
-    """Read folders of studies, single files and streams.
+    """Return the artefacts of a report, read from folders of studies, single files and streams.
 
     Args:
         places: Folders, Parquet files and binary streams.

@@ -51,24 +51,28 @@ class Standing:
 
     @property
     def data(self) -> str:
-        """Data set in words."""
+        """The data set in words, such as `held-out data`."""
         return DATASETS[self.dataset]
 
     @property
     def left(self) -> float | None:
-        """Error after the findings are added, divided by the error before; None if nothing was added."""
+        """Error with the findings added, divided by the error of the file as given.
+
+        None if nothing was added.
+        """
         return None if self.after is None or self.before == 0.0 else self.after / self.before
 
     @property
     def at_floor(self) -> bool:
-        """Whether the error is at most `words.AT_FLOOR` times the noise floor, so that it counts as noise."""
+        """Whether the error with the findings added is at most `words.AT_FLOOR` times the noise floor."""
         return self.after is not None and self.after <= words.AT_FLOOR * self.noise
 
 
 def chosen_step(sources: Sources) -> int | None:
     """Return the number of the study's step to use; without a ladder, of the last comparison or diagnosis.
 
-    None if the report has no table.
+    Returns:
+        The number, from 0; None if the report has no table.
     """
     if sources.ladder is not None:
         return best_step(sources.ladder.frame)
@@ -76,7 +80,7 @@ def chosen_step(sources: Sources) -> int | None:
 
 
 def at_horizon(rows: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of a ladder or comparison at a horizon of 5 s, or else at the longest one."""
+    """Return the rows of a ladder or comparison for the horizon of 5 s, or else for the longest."""
     known = [one for one in rows["horizon"].unique().to_list() if one is not None]
     chosen = HORIZON if HORIZON in known else max(known, default=None)
     return rows.filter(pl.col("horizon").eq_missing(pl.lit(chosen, pl.Float64)))
@@ -116,7 +120,11 @@ def errors(sources: Sources) -> pl.DataFrame:
 
 
 def standings(sources: Sources) -> list[Standing]:
-    """Return prediction errors over all axes at the main horizon: on the recording, then on held-out data."""
+    """Return prediction errors over all axes at the main horizon, on the recording and on held-out data.
+
+    Returns:
+        A list with one `Standing` for each data set that the report has, the recording first.
+    """
     whole = errors(sources).filter(pl.col("axis") == "all")
     found = []
     for name in DATASETS:
@@ -149,7 +157,7 @@ def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
 
 
 def answer(sources: Sources) -> str:
-    """Return the headline of the study, or of the last diagnosis; empty without one."""
+    """Return the headline of the study, or else of the last diagnosis; empty without both."""
     last = (sources.ladder, *sources.diagnoses[::-1])
     told = (one.artefact.provenance.parameters.get(HEADLINE, "") for one in last if one is not None)
     return next((str(line) for line in told if line), "")
@@ -158,7 +166,7 @@ def answer(sources: Sources) -> str:
 def headline(sources: Sources) -> str:
     """Return a sentence on the errors before and after the findings are added.
 
-    Without a comparison, the sentence is on the first finding.
+    Without a comparison, the sentence is on the first finding of the diagnosis.
     """
     found = standings(sources)
     if not found:
@@ -182,7 +190,7 @@ def headline(sources: Sources) -> str:
 
 
 def next_step(sources: Sources) -> str:
-    """Return the next step in a sentence: to use the file of a study, or that of the last diagnosis."""
+    """Return a sentence on the next step: to use the file of a study, or to act on the last diagnosis."""
     if sources.ladder is not None:
         best = best_step(sources.ladder.frame)
         return (
@@ -215,7 +223,7 @@ def noise_line(sources: Sources) -> str:
 
 
 def added_effects(sources: Sources) -> list[str]:
-    """Return the effects that the steps up to the chosen one added, in words."""
+    """Return the names, in words, of the effects that the study's steps up to the step to use have added."""
     if sources.ladder is None:
         return []
     frame = sources.ladder.frame.filter(pl.col("step") <= best_step(sources.ladder.frame)).sort("step")

@@ -1,4 +1,4 @@
-"""Study as text: headline, errors before and after, steps, and the next command."""
+"""Study (diagnosis that adds effects step by step) as text: headline, errors, steps, next command."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ class Outcome:
 
 
 def answer(study: Outcome, width: int) -> list[Text]:
-    """Return a study as lines of a terminal.
+    """Return the result of a study as lines of a terminal: headline, errors, steps and the next command.
 
     Args:
         study: The study.
-        width: Columns.
+        width: Columns of the terminal.
     """
     head = [Text(study.headline, bold=True), EMPTY, *errors(study)]
     rungs = study.rungs
@@ -108,7 +108,11 @@ def _corrections(study: Outcome) -> Iterator[Block]:
 
 
 def errors(study: Outcome) -> Iterator[Text]:
-    """Yield the errors of the first and the chosen step as lines of a table, one per axis."""
+    """Yield the lines of a table with the errors of the first and the chosen step, one line per axis.
+
+    Args:
+        study: The study.
+    """
     rungs = study.rungs
     dataset = yardsticks.judged_on(rungs)
     rows = rungs.filter(pl.col("horizon") == HORIZON, dataset=dataset)
@@ -142,7 +146,7 @@ def _steps(study: Outcome) -> Iterator[Text]:
 
 
 def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
-    """Return a step in a line: its number, the effects that it added, and the decisive error.
+    """Return one line on a step: its number, the effects that it added, and the error that decides.
 
     Args:
         step: The step.
@@ -155,7 +159,7 @@ def step_line(step: Step, confirmed: Mapping[str, bool]) -> str:
 
 
 def deciding(step: Step) -> str:
-    """Return the error of a step by which the steps are compared, in words.
+    """Return, in words, the error of a step by which steps are compared.
 
     It is the error on held-out data, else on data left out of the fits, else on the recording.
     """

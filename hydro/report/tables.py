@@ -1,4 +1,4 @@
-"""Metrics in the form of the paper's tables, for figures and for the terminal."""
+"""Metrics (tables of errors) in the form of the tables of Wu et al., for figures and for the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of trainings: learning curves over seeds (Fig. 6 of the paper), and paths of flights (Fig. 7)."""
+"""Figures of trainings: learning curves over seeds (Fig. 6 of Wu et al.), and paths of flights (Fig. 7)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,11 @@ def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
 
 
 def draw_curves(table: pl.DataFrame) -> Figure:
-    """Draw the mean over seeds and a band of one standard deviation for every condition."""
+    """Return a figure of learning curves: mean over seeds and a band of one standard deviation per condition.
+
+    Args:
+        table: Result of `curves_table`.
+    """
     from matplotlib import pyplot as plt
 
     with plt.rc_context(figures.STYLE):
@@ -99,7 +103,7 @@ class Tank:
 
 
 def draw_flight(path: Array, way: Array, tank: Tank, title: str) -> Figure:
-    """Draw the path of a flight in its tank, from above and from the side, with pillars and plan.
+    """Return a figure of a flight's path in its tank from above and from the side, with pillars and plan.
 
     In the view from above, north is to the right and east is down.
 
@@ -135,7 +139,7 @@ def draw_flight(path: Array, way: Array, tank: Tank, title: str) -> Figure:
 
 
 def save(drawn: Figure, path: Path) -> None:
-    """Write a figure as PNG.
+    """Write a Matplotlib figure as a PNG file.
 
     Raises:
         DataError: The file cannot be written.

@@ -21,11 +21,11 @@ BAR = 16
 
 @dataclass
 class Remaining:
-    """Estimate of the remaining time, from an initial estimate and the share that is done.
+    """Estimate of the remaining time of a work, from an initial estimate and the fraction that is done.
 
     The duration is the weighted geometric mean of the initial estimate and of the time so far divided by the
-    share done. The weight of the initial estimate is the square of the remaining share. Between two reports
-    the time counts down; it grows if the next report is overdue.
+    fraction done. The weight of the initial estimate is the square of the remaining fraction. Between two
+    reports the time counts down; it grows if the next report is overdue.
 
     Attributes:
         expected: Approximate duration of all the work [s]; None if it is not known.
@@ -43,10 +43,12 @@ class Remaining:
         self.begin = self.reported = self.now()
 
     def update(self, share: float | None) -> None:
-        """Set the share that is done; 0 after a larger share starts the next part of the work.
+        """Set the fraction of the work that is done.
+
+        0 after a larger fraction starts the next part of the work.
 
         Args:
-            share: Share from 0 to 1; None for work of unknown length.
+            share: Fraction from 0 to 1; None for work of unknown length.
         """
         if share is None or share == 0.0 < self.share:
             self.expected = None if share is None else self.now() - self.begin
@@ -78,7 +80,7 @@ class Remaining:
 
     @property
     def done(self) -> float:
-        """Share of the time that has passed, from 0 to 1."""
+        """Fraction of the expected total time that has passed, from 0 to 1."""
         seconds = self.seconds
         return 0.0 if seconds is None else self.elapsed / max(self.elapsed + seconds, 1e-9)
 
@@ -91,7 +93,7 @@ class _Bar(BarColumn):
         self.remaining, self.most, self.begin = remaining, 0.0, remaining.begin
 
     def render(self, task: Task) -> ProgressBar:
-        """Return the bar."""
+        """Return the progress bar of the column, for the library rich."""
         if self.begin != self.remaining.begin:
             self.most, self.begin = 0.0, self.remaining.begin
         self.most = max(self.most, self.remaining.done)
@@ -107,7 +109,7 @@ class _Left(ProgressColumn):
         self.remaining = remaining
 
     def render(self, task: Task) -> Text:
-        """Return the elapsed and the remaining time."""
+        """Return text with the elapsed and the remaining time, for the library rich."""
         seconds = self.remaining.seconds
         left = "" if seconds is None else f", about {duration(max(seconds, 1.0))} left"
         return Text(f"{duration(self.remaining.elapsed)}{left}")
@@ -115,7 +117,7 @@ class _Left(ProgressColumn):
 
 @contextmanager
 def shown(label: str, expected: float | None) -> Iterator[Callable[..., None]]:
-    """Show a bar on stderr while the block runs.
+    """Show a progress bar on stderr during a `with` block.
 
     Args:
         label: Name of the work.

@@ -1,4 +1,4 @@
-"""Effects, verdicts and numbers as text."""
+"""Names of effects, verdicts and numbers as text for reports."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ QUOTED = re.compile("`([^`]*)`")
 
 @dataclass(frozen=True)
 class Value:
-    """One fitted number.
+    """One fitted number of an effect, for reports.
 
     Attributes:
         name: Parameter, with the axis or number of its component: `diagonal X`.
@@ -78,7 +78,7 @@ class Value:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """The 95 % interval; None without a standard error."""
+        """Lower and upper end of the 95 % interval of the number; None without a standard error."""
         if self.error is None:
             return None
         return self.value - NORMAL_95 * self.error, self.value + NORMAL_95 * self.error
@@ -100,7 +100,7 @@ def meaning(effect: str) -> str:
 
 
 def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
-    """Return a pair of texts on a finding: a label of a few words, and a sentence.
+    """Return two texts on a finding: a label of a few words, and a sentence.
 
     Args:
         row: The finding, a row of a diagnosis table.
@@ -140,7 +140,7 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
 
 
 def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
-    """Return the numbers of an effect's table, one by one, with their standard errors.
+    """Return the numbers in an effect's table, one by one, with their standard errors.
 
     Args:
         effect: Name of the effect.
@@ -210,7 +210,9 @@ def by_unit(found: Sequence[Value]) -> list[list[Value]]:
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number as text, in plain notation if that is short; a dash for None.
+    """Return a number as text, in plain notation if that is short.
+
+    `–` for None or a number that is not finite.
 
     Args:
         value: The number.
@@ -239,26 +241,26 @@ def with_error(one: Value) -> str:
 
 
 def percent(share: float | None) -> str:
-    """Return a share in percent: `41 %`, `0.6 %`; a dash for none."""
+    """Return a fraction as text in percent: `41 %`, `0.6 %`; `–` for None."""
     if share is None or not math.isfinite(share):
         return "–"
     return f"{100 * share:.0f} %" if share >= 0.0095 or share == 0.0 else f"{100 * share:.1g} %"
 
 
 def between(low: float, high: float) -> str:
-    """Return an interval of shares (0 to 1) as percent: `63 to 71 %`, or one number if both round alike."""
+    """Return an interval of fractions as text in percent: `63 to 71 %`, or one number if both round alike."""
     first, last = percent(low), percent(high)
     return first if first == last else f"{first.removesuffix(' %')} to {last}"
 
 
 def p_value(value: float) -> str:
-    """Return a p-value with its sign: `p = 0.0005`, `p < 0.00001`."""
+    """Return a p-value as text with `p` and its sign: `p = 0.0005`, `p < 0.00001`."""
     text = probability(value)
     return f"p {text}" if text.startswith("<") else f"p = {text}"
 
 
 def probability(value: float | None) -> str:
-    """Return a probability as text: `0.0005`; below 0.00001 as a bound; a dash for none."""
+    """Return a probability as text: `0.0005`, or `< 0.00001` if it is smaller; `–` for None."""
     if value is None:
         return "–"
     return "< 0.00001" if value < 1e-5 else f"{value:.2g}" if value >= 1e-4 else f"{value:.5f}"
@@ -277,6 +279,9 @@ def prose(text: str) -> Markup:
 
 
 def sentence(text: str) -> str:
-    """Return a text with a capital letter at the beginning and a full stop at the end."""
+    """Return `text` with a capital letter at the beginning and a full stop at the end.
+
+    Empty text stays empty.
+    """
     text = text.strip()
     return text if not text else f"{text[0].upper()}{text[1:]}{'' if text[-1] in '.!?' else '.'}"

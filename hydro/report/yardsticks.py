@@ -26,7 +26,7 @@ MODEL = "model"
 
 
 def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
-    """Return errors of the model and of the simple predictors as a table.
+    """Return a table of the errors of the model and of the simple predictors, for the same predictions.
 
     Args:
         comparison: Comparison table.
@@ -43,7 +43,7 @@ def of_comparison(comparison: pl.DataFrame) -> pl.DataFrame:
 
 
 def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
-    """Return errors of the vehicle of a study's step and of the simple predictors, as a table.
+    """Return a table of the errors of a study's step and of the simple predictors, for the same predictions.
 
     Args:
         ladder: Ladder table.
@@ -63,7 +63,7 @@ def of_ladder(ladder: pl.DataFrame, step: int, dataset: str) -> pl.DataFrame:
 
 
 def judged_on(ladder: pl.DataFrame) -> str:
-    """Return the data set on which predictors are compared: `holdout` if there is one, else `fit`."""
+    """Return the data set on which the model and simple predictors are compared: `holdout`, or else `fit`."""
     return "holdout" if "holdout" in ladder["dataset"] else "fit"
 
 
@@ -100,7 +100,7 @@ def sentence(errors: pl.DataFrame) -> str:
 
 
 def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> list[str]:
-    """Return a sentence on the main advantage of least squares, for each axis where the model loses to it.
+    """Return a sentence, for each axis on which least squares is better than the model, on the reason.
 
     Args:
         errors: Errors in the form of `of_comparison`.
@@ -139,7 +139,9 @@ def unlearnt(errors: pl.DataFrame, vehicle: Vehicle, training: Recording, held_o
 
 
 def table(errors: pl.DataFrame) -> pl.DataFrame:
-    """Return errors as texts, one row per axis and one column per predictor; a cell has all horizons.
+    """Return the errors of model and simple predictors as texts, one row per axis, one column per predictor.
+
+    A cell has the errors at all horizons.
 
     Args:
         errors: Errors in the form of `of_comparison`.
@@ -159,7 +161,11 @@ def table(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def ahead(errors: pl.DataFrame) -> str:
-    """Return the horizons in the cells of `table` as a text: `1 / 5 / 20 s ahead`."""
+    """Return the prediction horizons of the cells of `table` as a text: `1 / 5 / 20 s ahead`.
+
+    Args:
+        errors: Errors in the form of `of_comparison`.
+    """
     return " / ".join(f"{one:g}" for one in errors["horizon"].unique().sort()) + " s ahead"
 
 

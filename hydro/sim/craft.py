@@ -83,10 +83,14 @@ class Craft(NamedTuple):
 
     @classmethod
     def of(cls, vehicle: Vehicle, felt: Water) -> Craft:
-        """Return a vehicle with the water forces `felt`, compiled for simulation without MuJoCo.
+        """Return a vehicle with given water forces, compiled for simulation without MuJoCo.
+
+        Args:
+            vehicle: Vehicle file.
+            felt: Water forces on the vehicle.
 
         Raises:
-            UsageError: `felt` has forces that only MuJoCo can compute.
+            UsageError: The water has forces that only MuJoCo can compute.
         """
         if felt.held or felt.ellipsoid:
             raise UsageError(
@@ -108,14 +112,16 @@ class Craft(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """Bytes that are equal for two vehicles with the same program and inertia."""
+        """Bytes that identify the vehicle: equal for two vehicles with the same program and inertia."""
         return self.program.tobytes() + self.inertia.tobytes()
 
 
 def first_of(
     vehicle: Vehicle, water: Callable[[Vehicle], Water], *, count: int, period: float, timestep: float
 ) -> tuple[Craft, Water]:
-    """Return the first vehicle of a plant with its water forces, after a check of the plant's arguments.
+    """Return the first vehicle of a plant (a set of simulated vehicles) with its water forces.
+
+    The arguments of the plant are checked first.
 
     Args:
         vehicle: Vehicle file.
@@ -141,7 +147,7 @@ def first_of(
 
 
 def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.array) -> Crafts:
-    """Return the programs of distinct vehicles as arrays.
+    """Return distinct compiled vehicles as arrays for the kernels.
 
     Args:
         crafts: Distinct vehicles.
@@ -159,7 +165,7 @@ def crafts_of(crafts: Sequence[Craft], kind: NDArray[np.int32], put: Put = np.ar
 def assigned(
     crafts: Sequence[Craft], kind: NDArray[np.int32], changes: dict[int, Craft]
 ) -> tuple[list[Craft], NDArray[np.int32]]:
-    """Return the vehicles of a plant after some of its simulated vehicles were replaced.
+    """Return the distinct vehicles after a replacement of simulated vehicles, and the new index of each.
 
     Args:
         crafts: Distinct vehicles in use.
@@ -180,7 +186,7 @@ def assigned(
 
 
 def control_of(felt: Water, count: int, put: Put = np.array) -> Control:
-    """Return a residual network with its initial states for `count` vehicles, as arrays.
+    """Return a residual network and its initial states for `count` vehicles, as arrays.
 
     Args:
         felt: Water forces, with the network or without; without, the arrays are zeros.

@@ -35,7 +35,7 @@ CAPTION, MARGIN, INK = 20, 12, (235, 235, 235)
 
 @dataclass(frozen=True)
 class Flown:
-    """Flight to be shown.
+    """Recorded flight for a video.
 
     Attributes:
         pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, at K times (K, 7).
@@ -54,7 +54,7 @@ class Flown:
 
 @dataclass(frozen=True)
 class Panel:
-    """Flights of one policy or pilot, shown one after another.
+    """Part of a video: the flights of one policy or pilot, shown one after another.
 
     Attributes:
         vehicle: Vehicle file.
@@ -84,7 +84,7 @@ class Room(NamedTuple):
 
 
 def film(panels: Sequence[Panel], size: tuple[float, float, float], *, radius: float, output: Path) -> None:
-    """Render flights into a video file, a panel for each policy, side by side.
+    """Write a video file of flights, with a panel for each policy, side by side.
 
     Args:
         panels: Panels with as many flights each; the k-th flights are shown together.
@@ -129,7 +129,7 @@ def _stride(period: float) -> int:
 def frames(
     flights: Sequence[Flown], titles: Sequence[str], cameras: Sequence[Camera]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames of simultaneous flights until the last has ended; one that ended earlier waits.
+    """Yield the pictures of simultaneous flights until the last flight has ended; ended flights stay still.
 
     Args:
         flights: The flights, one per panel, with the same period.
@@ -194,7 +194,7 @@ class Camera:
         self.cut()
 
     def cut(self) -> None:
-        """Begin another flight: the first picture after this call looks where the bow points."""
+        """Begin another flight: the next picture looks in the direction of the bow, without a pan."""
         self._follows = False
 
     def picture(self, pose: Array, pillars: Array, target: Array) -> NDArray[np.uint8]:
@@ -222,7 +222,7 @@ class Camera:
         return np.asarray(self._renderer.render(), dtype=np.uint8)
 
     def close(self) -> None:
-        """Close the renderer."""
+        """Close the renderer of the camera."""
         self._renderer.close()
 
 

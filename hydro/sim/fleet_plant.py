@@ -1,4 +1,4 @@
-"""Base of the plants that integrate their vehicles with `sim.flight` on the processor."""
+"""Base of the plants (sets of simulated vehicles) that integrate with `sim.flight` on the processor."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from hydro.sim.plant import Readings, Snapshot
 
 
 class FleetPlant(ABC):
-    """Base class of N vehicles with common start, control step and snapshots; see `sim.plant.Plant`.
+    """Base class of plants on the processor: N vehicles, their start, control step and snapshots.
 
-    A subclass sets the programs of its vehicles, and flies them in `_fly`.
+    A subclass sets the programs of its vehicles, and moves them in `_fly`; see `sim.plant.Plant`.
     """
 
     def __init__(self, vehicle: Vehicle, program: Array, count: int, period: float, timestep: float) -> None:
@@ -64,7 +64,7 @@ class FleetPlant(ABC):
 
         Args:
             commands: Commands in [-1, 1], held during the step (N, n).
-            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+            flying: Vehicles that move (N,), by default all; all others stay unchanged.
         """
         held = self._fleet.commands
         held[:, :-1] = held[:, 1:]
@@ -76,7 +76,7 @@ class FleetPlant(ABC):
         return {name: np.array(array) for name, array in self._arrays()}
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit."""
+        """Set all states and readings to those of a snapshot, and continue bit for bit."""
         for name, array in self._arrays():
             array[:] = snapshot[name]
 

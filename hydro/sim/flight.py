@@ -54,7 +54,7 @@ class Pace(NamedTuple):
 
 
 def steps_of(period: float, step: float) -> int:
-    """Return the number of integration steps of at most `step` [s] in a control step [s]."""
+    """Return the number of integration steps of at most `step` [s] in a control step of `period` [s]."""
     return math.ceil(period / step - 1e-6)
 
 

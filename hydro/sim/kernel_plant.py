@@ -1,4 +1,4 @@
-"""Plant of vehicles in this project's own kernels: the physics of the MuJoCo model without MuJoCo.
+"""Plant (set of simulated vehicles) in this project's own kernels: MuJoCo's physics without MuJoCo.
 
 The computation is that of the plant on a GPU (`sim.gpu`): `sim.flight` integrates with the classical
 Runge-Kutta method.  Water forces, thrusters, residual network and conditioning are those of the MuJoCo model.
@@ -30,7 +30,7 @@ from hydro.sim.residual.control import Room, Tables, attend
 
 
 class KernelPlant(FleetPlant):
-    """Vehicles in this project's own kernels; see `sim.plant.Plant` for its arrays."""
+    """Plant of N vehicles in this project's own kernels, on the processor; see `sim.plant.Plant`."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class KernelPlant(FleetPlant):
         self._list, self._crafts = [first], crafts_of([first], np.zeros(count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles, given by their index in the plant; reset each before its next step.
+        """Replace vehicles, given by their index in the plant; each must be reset before its next step.
 
         Raises:
             DataError: A vehicle cannot be simulated together with the first.
@@ -106,16 +106,16 @@ def fly_kernel(
     pace: Pace,
     readings: Readings,
 ) -> None:
-    """Simulate the vehicles of a mask (N,) for a control step; `fleet` and `readings` are written.
+    """Simulate the vehicles of a mask for a control step; write their states and readings.
 
     Args:
-        mask: Vehicles that move.
+        mask: Vehicles that move, (N,).
         crafts: Programs of all vehicles.
         control: Residual network and its states.
         room: Lengths of the network's workspace and of its further buffer; (0, 0) without a network.
-        fleet: States of all vehicles; the newest commands are those of this step.
+        fleet: States of all vehicles, written; the newest commands are those of this step.
         pace: Time steps; with 0 steps, the internal states start at their steady values instead.
-        readings: Pose, velocity, specific force, thrusts and divergence of all vehicles.
+        readings: Pose, velocity, specific force, thrusts and divergence of all vehicles, written.
     """
     size, thrusters, networked = fleet.y.shape[1], fleet.lags.shape[1], room[0] > 0
     y, work = np.zeros(size), np.zeros((4, size))

@@ -24,7 +24,15 @@ Snapshot = dict[str, NDArray[np.generic]]
 
 
 class Readings(NamedTuple):
-    """Readings of N vehicles: the arrays `pose` to `diverged` of a `Plant`."""
+    """Readings of N simulated vehicles with n thrusters.
+
+    Attributes:
+        pose: (N, 7): x y z of CO [m], NED, and the quaternion (w, x, y, z) from FRD to NED with w >= 0.
+        velocity: u v w p q r of CO over ground, FRD, (N, 6) [m/s, rad/s].
+        specific_force: Reading of an accelerometer at CO, FRD, (N, 3) [m/s^2]; (0, 0, -g) when level at rest.
+        thrust: Thrusts (N, n) [N].
+        diverged: Whether a vehicle's state has become infinite, or greater than the simulator allows, (N,).
+    """
 
     pose: Array
     velocity: Array
@@ -57,7 +65,7 @@ class Coordinates(NamedTuple):
 
 
 class Plant(Protocol):
-    """Vehicles of one kind, each with its own water.
+    """Interface of a set of N simulated vehicles, which a policy controls one control step at a time.
 
     Attributes:
         vehicle: Vehicle file.
@@ -77,7 +85,10 @@ class Plant(Protocol):
     diverged: Mask
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles, by index, at their next reset; each new vehicle has as many thrusters."""
+        """Replace vehicles, given by their index, from their next reset on.
+
+        The number of thrusters must stay.
+        """
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Start the vehicles of a mask (N,) with thrusters at rest and clock at 0.
@@ -89,22 +100,22 @@ class Plant(Protocol):
         """
 
     def step(self, commands: Array, flying: Mask | None = None) -> None:
-        """Simulate one control step.
+        """Simulate one control step, and rewrite the arrays of readings.
 
         Args:
             commands: Commands in [-1, 1], held during the step (N, n).
-            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+            flying: Vehicles that move (N,), by default all; all others stay unchanged.
         """
 
     def snapshot(self) -> Snapshot:
         """Return a copy of all states and readings as arrays by name, for `restore`."""
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit."""
+        """Set all states and readings to those of a snapshot, and continue bit for bit."""
 
 
 class StudentPlant:
-    """Plant of MuJoCo models; see `Plant` for its arrays."""
+    """Plant whose vehicles are MuJoCo models; see `Plant` for its arrays."""
 
     def __init__(
         self,
@@ -148,7 +159,7 @@ class StudentPlant:
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles, given by their index in the plant; reset each before its next step.
+        """Replace vehicles, given by their index in the plant; each must be reset before its next step.
 
         Raises:
             DataError: A vehicle cannot be simulated together with the first.
@@ -172,7 +183,7 @@ class StudentPlant:
 
         Args:
             commands: Commands in [-1, 1], held during the step (N, n).
-            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+            flying: Vehicles that move (N,), by default all; all others stay unchanged.
         """
         self._ctrl[:] = commands
         self._student.march(self._steps, None if flying is None else np.flatnonzero(flying))
@@ -192,7 +203,7 @@ class StudentPlant:
         }
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit."""
+        """Set all states and readings to those of a snapshot, and continue bit for bit."""
         batch = self._student.batch
         batch.state[:], batch.warning[:] = snapshot["state"], snapshot["warning"]
         for name, array in self._readings._asdict().items():
@@ -201,7 +212,7 @@ class StudentPlant:
 
 @kernel
 def upright(state: Array, pose: Array) -> None:
-    """Copy a position and a quaternion, with the sign of the quaternion changed if needed so that w >= 0.
+    """Copy a position and a quaternion to `pose`, with the quaternion's sign chosen so that w >= 0.
 
     Args:
         state: Position [m] and quaternion w x y z, (7,).
@@ -214,13 +225,13 @@ def upright(state: Array, pose: Array) -> None:
 
 @jit
 def read_kernel(mask: Mask, motion: Coordinates, gravity: float, readings: Readings) -> None:
-    """Convert the motion of vehicles from MuJoCo's coordinates to NED and FRD (`sim.bridge.states`).
+    """Write the motion of vehicles, given in MuJoCo's coordinates, to `readings` in NED and FRD.
 
     A vehicle with a warning of MuJoCo, or whose state is not finite, is marked as diverged and keeps its row.
 
     Args:
         mask: Rows to read, (N,).
-        motion: Motion of all vehicles.
+        motion: Motion of all vehicles, in MuJoCo's coordinates (`sim.bridge.states`).
         gravity: Gravity [m/s^2].
         readings: Written, except the thrusts; `diverged` is set and never cleared.
     """

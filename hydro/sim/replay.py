@@ -136,7 +136,7 @@ class Setup:
     folder: Path | None = None
 
     def student(self, variant: Variant, vehicle: Vehicle, count: int) -> Student:
-        """Return a new simulation in MuJoCo of `count` equal vehicles with the water forces of a variant."""
+        """Return a new MuJoCo simulation of `count` equal vehicles with the water forces of a variant."""
         water = _water(variant, vehicle, self._control)
         return Student(
             vehicle, water, count=count, physics=self.physics, threads=self.threads, folder=self.folder
@@ -156,11 +156,12 @@ def replay(
     piece: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Replay the recorded commands of every session; a new flight starts at each session and after each gap.
+    """Simulate the recorded commands of every session in MuJoCo, and return the motions and their errors.
 
-    If the vehicle's DVL has errors (effects of kind `sensor`), a flight starts at the corrected velocity, and
-    its velocities are output with the same errors.  So predictions and measurements are comparable.  Readings
-    of a late DVL from before the start of a flight stay as recorded.
+    A new flight starts at each session and after each gap.  If the vehicle's DVL has errors (effects of kind
+    `sensor`), a flight starts at the corrected velocity, and its velocities are output with the same errors.
+    So predictions and measurements are comparable.  Readings of a late DVL from before the start of a flight
+    stay as recorded.
 
     Args:
         vehicle: Vehicle file of the recording.
@@ -176,7 +177,7 @@ def replay(
         A pair of frames, series and metrics.  The series, one row per variant and time, have the columns of
         `schemas/replay.json`, with the recording as variant `measured`; a diverged flight ends where it
         diverges.  The metrics have root mean square error, mean absolute error and R^2 of each velocity, with
-        95 % intervals, and shares of the control steps in which the conditioning acted: `clipped` by axis,
+        95 % intervals, and fractions of the control steps in which the conditioning acted: `clipped` by axis,
         and `held_back` by the dead band.  If a flight diverged, `diverged` is the time in the first such
         segment.
 
@@ -225,7 +226,7 @@ class _Recorded:
 
     @classmethod
     def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
-        """Return the recording of a raw table."""
+        """Return a raw table as arrays for the replay, with the velocity corrected for DVL errors."""
         require_samples(raw, (*POSE, *VELOCITY))
         commands, bounds = recorded_commands(vehicle, raw), segments(raw)
         measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()

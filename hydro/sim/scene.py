@@ -34,7 +34,7 @@ def tank(
     water: Water | None = None,
     folder: Path | None = None,
 ) -> mujoco.MjModel:
-    """Return a vehicle in a tank, ready for stepping, rendering and ray casts.
+    """Return a MuJoCo model of a vehicle in a tank, ready for stepping, rendering and ray casts.
 
     Args:
         vehicle: Vehicle file.
@@ -103,7 +103,7 @@ def _add(
 
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, pillars: Array, target: Array | None = None) -> None:
-    """Move the pillars, and the sphere that marks the target.
+    """Move the pillars of a tank, and the sphere that marks the target, by writing to `data`.
 
     Args:
         model: Model from `tank`.

@@ -23,7 +23,7 @@ Pair = tuple[mujoco.MjModel, mujoco.MjData]
 
 
 def single(vehicle: Vehicle, physics: Physics, folder: Path | None = None) -> Pair:
-    """Return a model of a vehicle in unbounded water, ready to step, with data at rest at the origin.
+    """Return a MuJoCo model of one vehicle in unbounded water with its data, at rest at the origin.
 
     Args:
         vehicle: Vehicle file.
@@ -37,7 +37,7 @@ def single(vehicle: Vehicle, physics: Physics, folder: Path | None = None) -> Pa
 
 
 def load(path: str | Path) -> Pair:
-    """Load a model with vehicles of hydro from an MJCF file, ready to step, with its data.
+    """Return the MuJoCo model in an MJCF file with its data, with hydro's water forces, ready to step.
 
     Args:
         path: File written by `text`; scenery and sensors may have been added.
@@ -58,7 +58,7 @@ def load(path: str | Path) -> Pair:
 
 
 def text(vehicle: Vehicle, physics: Physics) -> str:
-    """Return the model of a vehicle as the text of an MJCF file.
+    """Return the MuJoCo model of a vehicle, with its water forces, as the text of an MJCF file.
 
     Args:
         vehicle: Vehicle file.

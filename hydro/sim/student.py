@@ -27,7 +27,7 @@ _TIME = mujoco.mjtState.mjSTATE_TIME
 
 @dataclass(frozen=True)
 class Physics:
-    """Step and integrator of MuJoCo; by default 500 Hz as in Wu et al..
+    """Physics step and integrator of MuJoCo; by default 500 Hz as in Wu et al..
 
     Attributes:
         timestep: Physics step [s].
@@ -128,7 +128,7 @@ class Student:
                     self._settle(vehicle, int(thruster), commands[thruster])
 
     def change(self, vehicles: Mapping[int, tuple[Vehicle, Water]]) -> None:
-        """Replace the vehicles of simulations, by index.
+        """Replace the vehicles of simulations, given by their index.
 
         Args:
             vehicles: New vehicle and its water forces by index, with the thrusters and internal states of the
@@ -166,7 +166,7 @@ class Student:
             self.batch.forward(mask)
 
     def march(self, steps: int, ids: NDArray[np.int64] | None = None) -> None:
-        """Simulate `steps` physics steps with the controls stored in the batch.
+        """Simulate `steps` physics steps with the controls that are stored in the batch.
 
         Args:
             steps: Number of physics steps.
@@ -187,20 +187,24 @@ class Student:
             self.batch.history[vehicle] = data.history
 
     def state(self) -> tuple[Array, Array]:
-        """Return pose eta (count, 6), NED, and velocity nu (count, 6) of CO over ground, FRD."""
+        """Return the state of all vehicles, over ground.
+
+        Returns:
+            Pose eta (count, 6), NED [m, rad], and velocity nu of CO (count, 6), FRD [m/s, rad/s].
+        """
         return states.from_mujoco(self.batch.qpos, self.batch.qvel)
 
     def diverged(self) -> NDArray[np.bool_]:
-        """Return the vehicles with a warning of MuJoCo since `start`, (count,)."""
+        """Return a mask of the vehicles for which MuJoCo has warned since `start`, (count,)."""
         return np.asarray(self.batch.warning[:, :, 1].sum(axis=1) > 0)
 
     def fly(self, commands: ArrayLike, steps: int, ids: NDArray[np.int64] | None = None) -> Array:
-        """Simulate the vehicles under commands, each held for `steps` physics steps.
+        """Simulate the vehicles under commands, each held for `steps` physics steps, and return the motion.
 
         Args:
             commands: Commands in [-1, 1], (vehicles, rows, n).
             steps: Physics steps per row.
-            ids: Indices of vehicles to simulate; all by default.  The others do not move.
+            ids: Indices of vehicles to simulate; all by default.  All others do not move.
 
         Returns:
             eta and nu at the end of every row, (vehicles, rows, 12).  NaN from the row in which a flight
@@ -230,7 +234,7 @@ class Student:
         return motion
 
     def conditioning_counts(self) -> list[Counts]:
-        """Return, for each vehicle, the counts of control steps in which the conditioning changed the wrench.
+        """Return, for each vehicle, the number of control steps in which the conditioning acted.
 
         They count from the vehicle's start.
 

@@ -58,7 +58,7 @@ Report = Callable[[int], None]
 
 
 class Subject(Protocol):
-    """Vehicle that can be recorded, in any simulator; its attributes are those of `Teacher`."""
+    """Interface of a vehicle that can be recorded, in any simulator; see `Teacher` for the attributes."""
 
     @property
     def vehicle(self) -> Vehicle:
@@ -66,33 +66,36 @@ class Subject(Protocol):
 
     @property
     def mixing(self) -> Mixing:
-        """Allocation of demands to commands."""
+        """Control allocation: constants that convert demanded wrenches to commands."""
 
     @property
     def log(self) -> Array:
-        """Parameters of the DVL's errors, from the sensor effects."""
+        """Errors of the DVL as one vector, (16,), from the sensor effects; see `core.effects.sensor`."""
 
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion (N, 12) of one session, and its effective commands (N, n).
+        """Return the true motion of one session, and its effective commands.
 
         Args:
-            demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
-            depth: Depth of the start and of the hold [m].
-            heading: Heading of the start, and of the hold [rad].
+            demand: Demanded wrench of N rows of 1/50 s, as fractions of each axis's greatest wrench, (N, 6).
+            depth: Depth of the start, which is held [m].
+            heading: Heading of the start, which is held if `hold_heading` is true [rad].
             hold_heading: Hold the heading in addition to depth, roll and pitch.
             sea: Seeds of the waves.
+
+        Returns:
+            Motion (N, 12), x to psi [m, rad] and u to r [m/s, rad/s], and the commands (N, n).
         """
 
 
 @dataclass(frozen=True)
 class Programme:
-    """Manoeuvres of a recording.
+    """Manoeuvres of a simulated recording.
 
     Attributes:
         excitation: One of `simulation.excitation.DECKS`.
-        depth: Depth of the start and of the hold [m].
+        depth: Depth of the start, which is held [m].
     """
 
     excitation: str = "hybrid"
@@ -109,8 +112,9 @@ class Teacher:
         program: The simulated vehicle, compiled.
         hull: Panels of the hull.
         facets: Geometry of the F panels (8, F), for the panel kernel.
-        mixing: Allocation of demands to commands; it uses the file and the hull, but no hidden effects.
-        log: Parameters of the DVL's errors, from the sensor effects.
+        mixing: Control allocation from demands to commands; it uses the file and the hull, but no hidden
+            effects.
+        log: Errors of the DVL as one vector, (16,), from the sensor effects.
         ignored: Names of the file's effects that panels and ellipsoid replace.
     """
 
@@ -130,14 +134,17 @@ class Teacher:
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion (N, 12) of one session, and its effective commands (N, n).
+        """Return the true motion of one session in the embedded simulator, and its effective commands.
 
         Args:
-            demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
-            depth: Depth of the start and of the hold [m].
-            heading: Heading of the start, and of the hold [rad].
+            demand: Demanded wrench of N rows of 1/50 s, as fractions of each axis's greatest wrench, (N, 6).
+            depth: Depth of the start, which is held [m].
+            heading: Heading of the start, which is held if `hold_heading` is true [rad].
             hold_heading: Hold the heading in addition to depth, roll and pitch.
             sea: Seeds of the waves, if there are waves in the file or hidden.
+
+        Returns:
+            Motion (N, 12), x to psi [m, rad] and u to r [m/s, rad/s], and the commands (N, n).
         """
         return fly(self, demand, depth=depth, heading=heading, hold_heading=hold_heading, sea=sea)
 
@@ -148,7 +155,7 @@ def teacher(
     mesh: tuple[Array, Any] | None = None,
     hidden: Sequence[Mapping[str, Any]] = (),
 ) -> Teacher:
-    """Return the embedded simulation of a vehicle.
+    """Return a vehicle that is ready to be recorded in the embedded simulator.
 
     Args:
         vehicle: Vehicle file.
@@ -205,7 +212,7 @@ def collect(
     threads: int | None = None,
     report: Report | None = None,
 ) -> pl.DataFrame:
-    """Record a vehicle with excitation.
+    """Simulate a recording in which a vehicle is excited, and return it as a raw table.
 
     Args:
         subject: Vehicle from `teacher`, or in another simulator.
@@ -250,13 +257,13 @@ def fly(
     nu: ArrayLike = (0.0,) * 6,
     sea: Sequence[int] = (0,),
 ) -> tuple[Array, Array]:
-    """Return the true motion of one session, from a level attitude, and its commands.
+    """Return the true motion of one session, which begins at a level attitude, and its commands.
 
     Args:
         subject: Vehicle from `teacher`.
-        demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
-        depth: Depth of the start and of the hold [m].
-        heading: Heading of the start, and of the hold [rad].
+        demand: Demanded wrench of N rows of 1/50 s, as fractions of each axis's greatest wrench, (N, 6).
+        depth: Depth of the start, which is held [m].
+        heading: Heading of the start, which is held if `hold_heading` is true [rad].
         hold_heading: Hold the heading in addition to depth, roll and pitch.
         nu: Initial velocity over ground, (6,), body axes; rest by default [m/s, rad/s].
         sea: Seeds of the waves, if there are waves in the file or hidden.

@@ -1,4 +1,4 @@
-"""Plant of vehicles in the embedded simulator, to test a policy in another simulator."""
+"""Plant (set of simulated vehicles) in the embedded simulator, to test a policy in another simulator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEP = 1.0 / (LOG_RATE * SUBSTEPS)
 
 
 class TeacherPlant(FleetPlant):
-    """Vehicles in the embedded simulator; see `sim.plant.Plant` for its arrays."""
+    """Plant whose N vehicles run in the embedded simulator; see `sim.plant.Plant` for its arrays."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class TeacherPlant(FleetPlant):
         self._own: dict[int, tuple[Array, Array]] = {}
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles, given by their index in the plant; reset each before its next step.
+        """Replace vehicles, given by their index in the plant; each must be reset before its next step.
 
         Raises:
             DataError: The embedded simulator refuses a vehicle, or it has other thrusters or internal states.

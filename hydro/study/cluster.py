@@ -32,7 +32,7 @@ _GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0" + _SETTINGS + bytes(
 
 
 class Cluster:
-    """Connection to a Ray cluster, for use in a `with` block."""
+    """Connection to a Ray cluster that runs tasks on its nodes, for use in a `with` block."""
 
     def __init__(self, address: str | None = None, processors: int = 1) -> None:
         """Connect to a cluster, or start one of this machine.
@@ -85,7 +85,7 @@ class Cluster:
         self.close()
 
     def close(self) -> None:
-        """Disconnect; end a cluster that was started for this process."""
+        """Disconnect from the cluster; end a cluster that was started for this process."""
         self._ray.shutdown()
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
@@ -96,8 +96,8 @@ class Cluster:
             arguments: Positional arguments of each call.
 
         Raises:
-            HydroError: A task failed; the error of the first such task.
-            DataError: A node does not see this folder, or nodes were lost too often.
+            HydroError: A task failed; the error of the first task that failed.
+            DataError: A node does not see the working folder, or nodes were lost too often.
         """
         for one in self._begun(task, arguments):
             yield self._result(one)
@@ -105,7 +105,14 @@ class Cluster:
     def as_they_end(
         self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
-        """Run a task as `each` does, but yield each result as soon as its task ends, whatever their order."""
+        """Run a task on the nodes, once for each tuple of arguments, and yield each result when it is ready.
+
+        The results have no particular order; all else is as for `each`.
+
+        Args:
+            task: Function of a module, which nodes import by its name.
+            arguments: Positional arguments of each call.
+        """
         waiting = self._begun(task, arguments)
         while waiting:
             ended, waiting = self._ray.wait(waiting)
@@ -120,7 +127,10 @@ class Cluster:
         return [self._run.remote(self._home, task, each) for each in arguments]
 
     def execute(self, step: Step) -> None:
-        """Run a step of a study on a node, in its own process.
+        """Run a command of a study (a step) on a node, in its own process, and print its output here.
+
+        Args:
+            step: The step.
 
         Raises:
             StepFailed: The step failed and has printed the reason.
@@ -132,7 +142,7 @@ class Cluster:
             raise StepFailed(step, code)
 
     def nodes(self) -> list[tuple[str, str, int]]:
-        """Return identity, address and number of task slots of each live node that has a slot."""
+        """Return a tuple for each live node with a slot: identity, address, and number of task slots."""
         found = [
             (
                 node["NodeID"],
@@ -145,13 +155,15 @@ class Cluster:
         return [node for node in found if node[2]]
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Refuse nodes with another version of hydro or Python, and run a function once on every node.
+        """Raise an error for nodes with another version of hydro or Python.
+
+        Run a function once on every node.
 
         Args:
             warm: Function to run, such as one that compiles kernels; None only checks the nodes.
 
         Raises:
-            DataError: A node has another version, or does not see this folder.
+            DataError: A node has another version, or does not see the working folder.
         """
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy as On
 

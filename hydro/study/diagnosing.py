@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """Result for one session.
+    """Result of the diagnosis of one session of a data set.
 
     Attributes:
         session: Name of the session.
@@ -45,10 +45,10 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected
     An error in a session becomes part of its result, so that the other sessions are diagnosed.
 
     Args:
-        part: The session.
+        part: File of the session.
         folder: Folder of the results, which gets a folder for each session.
         start: The vehicle, with its known values marked.
-        text: Text of its file.
+        text: Text of the vehicle's file.
         corrected: Whether a session whose thrusters contradict the file is diagnosed with the directions and
             the column order that the thruster audit finds; otherwise the contradiction is the only finding.
     """
@@ -97,7 +97,7 @@ def warm(part: Part, start: Vehicle) -> None:
     """Compile the kernels of a diagnosis by diagnosing the first rows of a session; nothing is written.
 
     Args:
-        part: The session.
+        part: File of the session.
         start: The vehicle.
     """
     rows = partitions.scan(part.path)

@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 
 
 class Engine(Protocol):
-    """Engine that runs tasks; results do not depend on the engine.
+    """Protocol of an engine, which runs the tasks of a command; results do not depend on the engine.
 
     Attributes:
         slots: Number of tasks that run at the same time.
@@ -20,7 +20,11 @@ class Engine(Protocol):
     slots: int
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Check that every node can run tasks, and run `warm` once on each, such as to compile kernels."""
+        """Check that every node can run tasks, and run a function once on each node.
+
+        Args:
+            warm: Function to run, such as one that compiles kernels; None only checks.
+        """
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
         """Run a task once for each tuple of arguments, and yield the results in that order.
@@ -31,7 +35,10 @@ class Engine(Protocol):
         """
 
     def execute(self, step: Step) -> None:
-        """Run a step of a study.
+        """Run a step of a study, which is a command of hydro.
+
+        Args:
+            step: The step.
 
         Raises:
             StepFailed: The step failed.
@@ -48,9 +55,14 @@ class Here:
         self.execute = execute
 
     def prepare(self, warm: Callable[[], object] | None = None) -> None:
-        """Do nothing: the first task of this process compiles its kernels."""
+        """Do nothing, since the first task of this process compiles its kernels; `warm` is not called."""
 
     def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Run a task once for each tuple of arguments, and yield the results in that order."""
+        """Run a task once for each tuple of arguments, and yield the results in that order.
+
+        Args:
+            task: Function to call.
+            arguments: Positional arguments of each call.
+        """
         for each in arguments:
             yield task(*each)

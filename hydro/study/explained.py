@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 def save_recorded(study: Study, vehicles: Mapping[int, Vehicle], log: Preprocessed) -> None:
     """Write the tables of a study that replay the recordings or show unexplained forces, into its folder.
 
-    They are `replay`; `leftover`, unexplained forces, and `growth`, powers of velocity by which the force
-    grows, if there are enough samples; and `sessions`, the list of sessions.
+    The files are `replay`, the recorded and predicted motions; `leftover`, unexplained forces, and `growth`,
+    powers of velocity by which the force grows, if there are enough samples; and `sessions`, the list of
+    sessions.
 
     Args:
         study: The study.
@@ -52,7 +53,13 @@ def save_recorded(study: Study, vehicles: Mapping[int, Vehicle], log: Preprocess
 
 
 def save_bands(study: Study, step: Step) -> str:
-    """Write the 95 % intervals (bands) of a step's predictions to the study's folder, if values were fitted.
+    """Write the 95 % intervals (bands) of a step's predictions to the study's folder.
+
+    They are written only if values were fitted in the step.
+
+    Args:
+        study: The study.
+        step: Step of the study whose vehicle predicts.
 
     Returns:
         The reason why there are no bands; empty if they were written or no value was fitted.

@@ -12,7 +12,7 @@ from hydro.study.steps import Step
 
 @dataclass(frozen=True)
 class Places:
-    """Paths of the files of a guided study.
+    """Paths of the files of a guided study, as `hydro start` makes it.
 
     Attributes:
         folder: Folder of the study.
@@ -28,12 +28,12 @@ class Places:
 
     @property
     def picture(self) -> Path:
-        """The picture of the recording."""
+        """Path of the picture of the recording, whether it exists or not."""
         return self.folder / "recording.png"
 
     @property
     def study(self) -> Path:
-        """The folder of `hydro explain`."""
+        """Path of the folder that `hydro explain` writes, whether it exists or not."""
         return self.folder / "study"
 
     @property
@@ -43,13 +43,13 @@ class Places:
 
     @property
     def explained(self) -> tuple[Path, ...]:
-        """Inputs of `hydro explain`: the vehicle file and the files of the recording."""
+        """Paths of the inputs of `hydro explain`: the vehicle file and all files of the recording."""
         parts = sorted(each for each in self.recording.rglob("*") if each.is_file())
         return (self.vehicle, *(parts or [self.recording]))
 
     @property
     def script(self) -> Path:
-        """The shell script with all commands."""
+        """Path of the shell script with all commands, whether it exists or not."""
         return self.folder / "commands.sh"
 
 
@@ -57,9 +57,9 @@ def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading
     """Return the step, not yet run, that imports the logs as the raw table of the study.
 
     Args:
-        places: Where the files of the study are.
-        logs: The logs as they were named.
-        files: All files of the logs.
+        places: Paths of the files of the study.
+        logs: Paths of the logs as the user gave them.
+        files: All files of the logs, the inputs of the step.
         reading: Further options of `hydro import`.
     """
     line = ["import", *logs, "--map", str(places.map), "--vehicle", str(places.vehicle), *reading]
@@ -68,17 +68,22 @@ def imported(places: Places, logs: Sequence[str], files: Sequence[Path], reading
 
 
 def audited(places: Places) -> Step:
-    """Return the step, not yet run, that audits the thrusters with the recording."""
+    """Return the step, not yet run, that audits the thrusters with the recording.
+
+    Args:
+        places: Paths of the files of the study.
+    """
     line = ("check", str(places.vehicle), str(places.recording))
     return Step(line, places.explained, ())
 
 
 def explained(places: Places, *, corrected: bool) -> Step:
-    """Return the step, not yet run, that searches for missing effects.
+    """Return the step, not yet run, that searches for missing effects by `hydro explain`.
 
     Args:
-        places: Where the files of the study are.
-        corrected: Whether the directions and the order of the audit replace those of the vehicle file.
+        places: Paths of the files of the study.
+        corrected: Whether the directions and the order of the thrusters that the audit found replace those of
+            the vehicle file.
     """
     files = (places.vehicle, places.recording)
     more = ["--correct-thrusters"] if corrected else []
@@ -87,13 +92,17 @@ def explained(places: Places, *, corrected: bool) -> Step:
 
 
 def reported(places: Places) -> Step:
-    """Return the step, not yet run, that writes the HTML report of the study."""
+    """Return the step, not yet run, that writes the HTML report of the study.
+
+    Args:
+        places: Paths of the files of the study.
+    """
     line = ("report", str(places.study), "-o", str(places.report))
     return Step(line, explained(places, corrected=False).writes, (places.report,))
 
 
 def script(steps: Sequence[Step], folder: Path, again: Sequence[str]) -> str:
-    """Return the text of a shell script that runs the given steps.
+    """Return the text of a shell script that runs the commands of given steps.
 
     Args:
         steps: The steps, in order.

@@ -33,11 +33,11 @@ WARM = 64
 
 @dataclass(frozen=True)
 class Labelling:
-    """Settings of the labels, see `core.distillation.labels.labels`.
+    """Settings for labelling a recording, as for `core.distillation.labels.labels`.
 
     Attributes:
         vehicle: Text of the vehicle file.
-        acceleration: Method of the smoother.
+        acceleration: Method that smooths the motion: rts, kalman or kalman-difference.
         subtract: Effects that the label excludes: `inertia`, its added mass, or all `effects`.
         noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; None to estimate it.
         limits: Maximum standard deviations of a labelled row, for recordings with nulls.
@@ -56,11 +56,11 @@ class Labelling:
 
 @dataclass(frozen=True)
 class Labelled:
-    """Result for one session.
+    """Result of labelling one session of a data set.
 
     Attributes:
         session: Name of the session.
-        notes: Notes on the session, one line each.
+        notes: Notes on the session, such as gaps in time, one line each.
     """
 
     session: str
@@ -69,6 +69,8 @@ class Labelled:
 
 def label(source: Artefact, how: Labelling) -> tuple[Artefact, tuple[str, ...]]:
     """Return the labels of a recording as a new table with provenance, and notes on it, one line each.
+
+    A label is the residual wrench of a row, which the known physics does not explain.
 
     Args:
         source: Raw table.
@@ -119,6 +121,10 @@ def shared(dataset: Dataset, how: Labelling) -> Labelling:
     If a session has nulls, all are labelled from samples; otherwise all share one filter.  Memory holds the
     times or velocities of one session at a time.
 
+    Args:
+        dataset: The data set, one file per session.
+        how: Settings of the labels.
+
     Raises:
         DataError: As for `core.recording.segments.segments` of a session; or the sample rates of sessions
             differ; or a session has nulls and the smoother is not `rts`.
@@ -157,6 +163,11 @@ def _columns(part: Part, *names: str) -> pl.DataFrame:
 def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
     """Read one session of a data set, label it, and write the labels into `folder`; return name and notes.
 
+    Args:
+        part: File of the session.
+        folder: Folder of the labels, which gets a folder for the session.
+        how: Settings of the labels.
+
     Raises:
         DataError: As for `label`, with the name of the file in front.
     """
@@ -170,7 +181,7 @@ def warm(part: Part, how: Labelling) -> None:
     """Compile the kernels for labels with the first rows of a session; nothing is written.
 
     Args:
-        part: The session.
+        part: File of the session.
         how: Settings of the labels.
     """
     head = partitions.scan(part.path).head(WARM).collect()

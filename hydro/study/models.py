@@ -31,12 +31,12 @@ QUICK_MODELS = ("mlp", "moe", "structured")
 
 @dataclass(frozen=True)
 class Recordings:
-    """Recordings for the training, evaluation and replay of networks.
+    """Paths of the recordings for training, evaluation and replay of networks, and settings for them.
 
     Attributes:
         raw: Recording to train on.
-        test: Recording of other sessions to evaluate on; without it, the test part of `raw`.
         replay: Recording of the sequence that is replayed.
+        test: Recording of other sessions to evaluate on; without it, the test part of `raw`.
         vehicle: Vehicle file, for recordings without one.
         noise: Noise that is added to `raw` only, not to the data of evaluation and replay.
         effects: Vehicle file with identified effects; a network then learns the remaining force, and is
@@ -53,17 +53,18 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study of residual models.
+    """Settings of a study of residual models, which are networks that learn unexplained forces.
 
     Attributes:
         folder: Folder of the study.
-        data: Recordings.
-        models: Architectures.
+        data: Paths of the recordings.
+        models: Names of the architectures.
         seeds: Number of networks of each architecture.
         minutes: Amounts of data [min] for additional trainings on a part of the data.
-        epochs: Maximum number of passes over the data; the default is that of `hydro train`.
-        device: Device for training.
-        conditionings: Kinds of conditioning under which the networks of the first seed are replayed as well.
+        epochs: Maximum number of passes over the data; None for the default of `hydro train`.
+        device: Device for training, `cpu` or `cuda`.
+        conditionings: Kinds of conditioning (filter of a network's wrench) under which the networks of the
+            first seed are replayed as well.
     """
 
     folder: Path
@@ -90,10 +91,10 @@ class Study:
 
 @dataclass(frozen=True)
 class Result:
-    """Result of a study.
+    """Result of carrying out a study.
 
     Attributes:
-        ran: Number of steps that were run now.
+        ran: Number of steps (commands) that were run now, not before.
         steps: Number of all steps.
         summary: Metrics tables by name, see `study.summary.summarise`.
     """
@@ -104,11 +105,13 @@ class Result:
 
 
 def carry_out(study: Study, runner: Runner, workers: int = 1) -> Result:
-    """Run the steps of a study that are not done, and write its summary tables after every round of seeds.
+    """Run the commands (steps) of a study that are not done, and write its summary tables; return the result.
+
+    The tables are written after every round of seeds.
 
     Args:
         study: The study.
-        runner: Runner with the ledger of the study's folder.
+        runner: Runner of steps, which keeps the record of finished steps in the study's folder.
         workers: Number of steps that run at the same time.
     """
     rounds, steps = _rounds(study), _steps(study)
@@ -160,7 +163,7 @@ def disturb(study: Study, runner: Runner, noise: Noise) -> None:
 
     Args:
         study: The study.
-        runner: Runner that records the file in its ledger.
+        runner: Runner of steps, which records the file as done.
         noise: Noise to add, drawn with seed 0.
     """
     import numpy as np

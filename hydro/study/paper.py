@@ -1,4 +1,4 @@
-"""Study of the reference paper: networks, Tables I to III, trainings by rewards, and flights of the policies.
+"""Study of the paper of Wu et al.: networks, Tables I to III, trainings by rewards, and test flights.
 
 Each step is an ordinary command and each result a file, so a study that was stopped resumes where it was.
 The order is that of the paper, and trainings run seed by seed: a stopped study has some of each condition.
@@ -29,10 +29,10 @@ PIECE = "10"
 
 
 class Replay(NamedTuple):
-    """Settings for the replay of networks.
+    """Settings for one way of replaying networks.
 
     Attributes:
-        conditioning: Filter and limits of the network's wrench, by name.
+        conditioning: Name of the filter and limits of the network's wrench.
         lead: Time by which the network is evaluated ahead, in control steps.
     """
 
@@ -41,7 +41,7 @@ class Replay(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of the file with the errors."""
+        """Part of a file's name that tells this way of replaying from others, such as `off-lead0.5`."""
         return f"{self.conditioning}-lead{self.lead:g}"
 
 
@@ -59,16 +59,16 @@ class Study:
         replay: Recording of the replayed sequence.
         vehicle: Vehicle file of all conditions except the two with effects.
         given: Vehicle file with effects that were chosen without data, for `R_effects`.
-        networks: Architectures.
-        protocols: Protocols of their training.
-        replays: Ways of replaying them.
+        networks: Names of the networks' architectures.
+        protocols: Names of the ways in which networks are trained.
+        replays: Ways of replaying the networks.
         epochs: Greatest number of epochs of a network; None for the default.
-        conditions: Physics of the trainings.
-        seeds: Number of trainings under each condition.
+        conditions: Names of the water models in which policies are trained, such as `R_PhysFeat`.
+        seeds: Number of trainings of a policy under each condition.
         stages: Last stage of the curriculum.
         steps: Control steps of each training at most; the budget is equal for all.
         episodes: Episodes of each test.
-        recipe: Recipe of the trainings.
+        recipe: Name of the settings of the trainings.
         choices: Other settings of every training, as `NAME=VALUE`.
     """
 
@@ -90,25 +90,39 @@ class Study:
     choices: tuple[str, ...] = ("wrench.lead=0",)
 
     def network(self, model: str, protocol: str) -> Path:
-        """Return the path of the network of an architecture, trained by a protocol."""
+        """Return the path of the file of an architecture's network, trained in one of `protocols`.
+
+        Args:
+            model: Name of the architecture.
+            protocol: Name of the way of training.
+        """
         return self.folder / "models" / f"{model}-{protocol}.parquet"
 
     @property
     def identified(self) -> Path:
-        """Vehicle file with identified damping."""
+        """Path of the vehicle file with identified damping, whether it exists or not."""
         return self.folder / "identified.toml"
 
     def offline(self, protocol: str) -> Path:
-        """Return the path of the prediction errors of the networks of a protocol (Table II of Wu et al.)."""
+        """Return the path of the table of the networks' prediction errors (Table II of Wu et al.).
+
+        Args:
+            protocol: Name of the way in which the networks were trained.
+        """
         return self.folder / f"offline-{protocol}.parquet"
 
     def replayed(self, protocol: str, way: Replay) -> Path:
-        """Return the path of the replay errors of the networks of a protocol (Table III of Wu et al.)."""
+        """Return the path of the table of the networks' replay errors (Table III of Wu et al.).
+
+        Args:
+            protocol: Name of the way in which the networks were trained.
+            way: Way of replaying.
+        """
         return self.folder / f"replay-{protocol}-{way.name}.parquet"
 
     @property
     def policies(self) -> policies.Study:
-        """Return the part of the study that trains and tests policies."""
+        """Settings of the part of the study that trains and tests policies."""
         from hydro.rl.environment.conditions import EFFECTS, IDENTIFIED, MODELS
 
         wanted = {MODELS[name] for name in self.conditions if name in MODELS}
@@ -131,7 +145,11 @@ class Study:
 
 
 def runs(study: Study) -> list[Run]:
-    """Return the trainings, seed by seed; the files of their networks need not exist yet."""
+    """Return the trainings of policies, seed by seed; the files of their networks need not exist yet.
+
+    Args:
+        study: The study.
+    """
     from hydro.rl.environment.conditions import EFFECTS, IDENTIFIED, MODELS
 
     known = study.policies
@@ -151,7 +169,14 @@ def runs(study: Study) -> list[Run]:
 
 
 def steps(study: Study) -> list[Step]:
-    """Return all steps: networks of the trainings, trainings with their tests, then the other tables."""
+    """Return all commands (steps) of a study, not yet run, in the order in which they are run.
+
+    Networks that the trainings need come first, then the trainings of policies with their tests, then the
+    other tables.
+
+    Args:
+        study: The study.
+    """
     of_trainings, others = _networks(study)
     trainings = policies.steps(study.policies, runs(study))
     first = next((k for k, step in enumerate(trainings) if study.identified in step.reads), 0)
@@ -229,7 +254,11 @@ def _tables(study: Study, protocol: str) -> list[Step]:
 
 
 def quick(study: Study) -> Study:
-    """Return a study of a few seconds with the same steps, for tests of the command."""
+    """Return a copy of a study that takes a few seconds with the same steps, for tests of the command.
+
+    Args:
+        study: The study.
+    """
     from dataclasses import replace
 
     small = ("vehicles=8", "record=80", "evaluate=160", "episodes=4", "pilot=0", "settings.task.steps=20")
@@ -250,6 +279,11 @@ def quick(study: Study) -> Study:
 
 
 def finished(study: Study, of: Sequence[Run]) -> list[Run]:
-    """Return those of the given trainings whose tests are all complete."""
+    """Return those of the given trainings whose tests are all complete.
+
+    Args:
+        study: The study.
+        of: Trainings of policies.
+    """
     tests = policies.tests(study.policies)
     return [run for run in of if all(run.tested(*test).is_file() for test in tests)]

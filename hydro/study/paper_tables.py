@@ -1,4 +1,4 @@
-"""Results of a study of the paper as tables: trainings, differences between conditions, and replays."""
+"""Result tables of a study of the paper of Wu et al.: trainings, differences of conditions, replays."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ def trainings(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
         of: Trainings; () stands for all of the study.
 
     Returns:
-        Columns `recipe`, `condition`, `seed`; `state`; `steps` and `updates` so far; `updates_1` to
-        `updates_3`, the SAC updates after which a stage was passed; `stages`, the number of passed stages;
-        `processor`, the processor time in seconds; `diverged`, the kind of divergence or an empty text.
+        Columns `recipe`, the settings; `condition`, the water model; `seed`; `state`; `steps` and `updates`
+        so far; `updates_1` to `updates_3`, the SAC updates after which a stage was passed; `stages`, the
+        number of passed stages; `processor`, the processor time in seconds; `diverged`, the kind of
+        divergence or an empty text.
     """
     import polars as pl
 
@@ -85,8 +86,8 @@ def divergence(curves: pl.DataFrame, evaluations: pl.DataFrame) -> str:
     """Return the kind of divergence of a training: `numerical`, `critic`, `success`, or an empty text.
 
     Args:
-        curves: Curves of the training: losses of the critic, and episodes that diverged numerically.
-        evaluations: Its evaluations without exploration.
+        curves: Table of the training's curves: losses of the critic, and episodes that diverged numerically.
+        evaluations: Table of the training's evaluations without exploration.
     """
     import numpy as np
 
@@ -123,15 +124,15 @@ def flights(study: Study, of: Sequence[Run] = ()) -> pl.DataFrame:
 
 
 def differences(tests: pl.DataFrame, first: str = "R_PhysFeat") -> pl.DataFrame:
-    """Return the differences of the arrival rates of other conditions from that of the condition `first`.
+    """Return the differences between the arrival rates of each other condition and the condition `first`.
 
-    The rates are those of all policies of a condition together.  The 95 % interval is Newcombe's, from
-    Wilson's intervals of both rates; it takes all flights as independent and so does not include the spread
-    of trainings.
+    A condition is the water model in which policies were trained.  Its rate is that of all its policies
+    together.  The 95 % interval is Newcombe's, from Wilson's intervals of both rates; it takes all flights as
+    independent and so does not include the spread of trainings.
 
     Args:
         tests: Result of `flights`.
-        first: Condition that the others are compared with.
+        first: Condition with which the others are compared.
 
     Returns:
         One row per simulator, task and other condition: `plant`, `task`, `condition`, `compared_with`
@@ -186,6 +187,9 @@ def _newcombe(one: dict[str, Any], other: dict[str, Any]) -> tuple[float, float,
 
 def networks(study: Study) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Return two tables with the errors of the networks so far: of the predicted wrench, and of the replay.
+
+    Args:
+        study: The study.
 
     Returns:
         One row per model and training `protocol`, with the columns of `report.tables.prediction_errors`; and

@@ -23,14 +23,14 @@ SIMULATORS = ("kernels", "student", "teacher")
 
 @dataclass(frozen=True)
 class Run:
-    """One training of a study.
+    """One training of a policy in a study.
 
     Attributes:
-        condition: Physics condition of the training.
+        condition: Name of the water model in which the policy is trained, such as `R_PhysFeat`.
         seed: Seed of the training.
         folder: Folder of the training.
         vehicle: Vehicle file.
-        model: Residual model; None without one.
+        model: File of the residual model (network); None without one.
     """
 
     condition: str
@@ -41,30 +41,35 @@ class Run:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Paths of the tables of the training."""
+        """Paths of the four tables that the training writes, whether they exist or not."""
         return tuple(self.folder / f"{name}.parquet" for name in ("run", "curves", "evaluations", "policy"))
 
     def tested(self, simulator: str, stage: int) -> Path:
-        """Return the path of the table of test flights in a simulator, with the task of a stage."""
+        """Return the path of the table of the policy's test flights.
+
+        Args:
+            simulator: Name of the simulator in which the policy flies.
+            stage: Stage of the curriculum whose task the policy flies.
+        """
         return self.folder / f"{simulator}-{stage}.parquet"
 
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study of policies.
+    """Settings of a study that trains policies under several conditions (water models) and tests them.
 
     Attributes:
         folder: Folder of the study.
         vehicle: Vehicle file of the reference simulator.
-        models: Residual models of the conditions that need one.
+        models: Files of the residual models (networks) of the conditions that need one.
         identified: Vehicle file that was identified from data of the reference simulator, for `R_identified`.
         given: Vehicle file with effects that were chosen without data, for `R_effects`; by default `vehicle`.
-        conditions: Physics under which policies are trained.
+        conditions: Names of the water models in which policies are trained.
         seeds: Number of trainings under each condition.
         stages: Last stage of the curriculum.
-        steps: Maximum number of steps of each training.
+        steps: Maximum number of control steps of each training.
         episodes: Number of episodes of each test.
-        recipe: Recipe of every training.
+        recipe: Name of the settings of every training.
         choices: Other settings of every training, as `NAME=VALUE`.
         last: Whether the last policy of a training flies all tests.  By default the policy that passed a task
             flies it, if there is one.
@@ -88,7 +93,7 @@ class Study:
 
     @property
     def reading(self) -> tuple[str, ...]:
-        """Command-line options with which every step reads files; empty for the default limit."""
+        """Words of command-line options with which every step reads files; empty for the default limit."""
         from hydro.io.readers.expansion import OPTION
 
         return () if self.max_expanded is None else (OPTION, f"{self.max_expanded:g}")
@@ -102,7 +107,7 @@ class Study:
 
     @property
     def curriculum(self) -> Curriculum:
-        """Curriculum of the trainings."""
+        """Curriculum of the trainings: the settings of the recipe, changed by `choices`."""
         from hydro.rl.training.config import RECIPES
         from hydro.rl.training.runs import changed
 
@@ -120,7 +125,13 @@ def _kind(path: Path) -> str:
 
 
 def runs(study: Study) -> tuple[list[Run], list[str]]:
-    """Return the trainings, seed by seed, and a list of messages, one for each condition without its file.
+    """Return the trainings of a study, seed by seed, and a message for each condition whose file is missing.
+
+    Args:
+        study: The study.
+
+    Returns:
+        The trainings, and a list of texts.
 
     Raises:
         UsageError: A condition is unknown, or all of them lack their file.
@@ -150,11 +161,11 @@ def runs(study: Study) -> tuple[list[Run], list[str]]:
 
 
 def steps(study: Study, of: Sequence[Run]) -> list[Step]:
-    """Return the steps, not yet run, that train and test every run, and draw the learning curves of all.
+    """Return the commands (steps), not yet run, that train and test all policies, and draw their curves.
 
     Args:
         study: The study.
-        of: The runs.
+        of: The trainings.
     """
     plan = [step for run in of for step in _of_a_run(study, run, first=run is of[0])]
     curves, folders = study.folder / "curves.png", [str(run.folder) for run in of]
@@ -194,7 +205,11 @@ def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
 
 
 def tests(study: Study) -> list[tuple[str, int]]:
-    """Return the tests of every policy, as pairs of simulator and stage."""
+    """Return the tests of every policy of a study, as pairs of simulator and stage of the curriculum.
+
+    Args:
+        study: The study.
+    """
     return [(simulator, stage) for simulator in SIMULATORS for stage in range(1, study.stages + 1)]
 
 

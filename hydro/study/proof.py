@@ -34,7 +34,7 @@ QUICK = (
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study.
+    """Settings of a study of one change of a vehicle: the finding, its truth, and policies trained on it.
 
     Attributes:
         folder: Folder of the study.
@@ -46,7 +46,7 @@ class Study:
         seeds: Number of trainings in each file.
         steps: Control steps of each training; it makes no examination and uses all of them.
         episodes: Tasks of each test.
-        recipe: Recipe of the trainings.
+        recipe: Name of the settings of the trainings.
         choices: Other settings of every training, as `NAME=VALUE`.
         wanted: Findings that `explain` adds without comparison with others; by default it compares.
     """
@@ -66,31 +66,38 @@ class Study:
 
     @property
     def explained(self) -> Path:
-        """Folder of `hydro explain`."""
+        """Path of the folder that `hydro explain` writes, whether it exists or not."""
         return self.folder / "study"
 
     @property
     def oracle(self) -> Path:
-        """Comparison of the vehicle file with the true change and the held-out recording."""
+        """Path of the comparison of the truly changed vehicle file with the held-out recording."""
         return self.folder / "oracle.parquet"
 
     def piloted(self, vehicle: str) -> Path:
-        """Return the path of the table of the hand-written pilot's flights with a vehicle."""
+        """Return the path of the table of flights that the hand-written pilot makes with a vehicle.
+
+        Args:
+            vehicle: CHANGED or UNCHANGED.
+        """
         return self.folder / f"pilot-{vehicle}.parquet"
 
     @property
     def runs(self) -> list[Run]:
-        """Trainings, seed by seed, so that an interrupted study has trainings of both files."""
+        """Trainings of policies, seed by seed.
+
+        For each seed in the file before and the file after the finding.
+        """
         return [Run(self.folder, file, seed) for seed in range(self.seeds) for file in (BEFORE, AFTER)]
 
 
 @dataclass(frozen=True)
 class Run:
-    """Training in the vehicle file before or after the finding, with a seed.
+    """One training of a policy, in the vehicle file before or after the finding.
 
     Attributes:
         study: Folder of the study.
-        file: BEFORE or AFTER the finding.
+        file: BEFORE or AFTER, the vehicle file without or with the finding.
         seed: Seed of the training.
     """
 
@@ -100,21 +107,32 @@ class Run:
 
     @property
     def folder(self) -> Path:
-        """Folder of the training."""
+        """Path of the folder of the training, whether it exists or not."""
         return self.study / f"{self.file}-seed{self.seed}"
 
     @property
     def tests(self) -> tuple[str, ...]:
-        """Vehicles that the policy flies; a policy of the file as given also flies the unchanged vehicle."""
+        """Vehicles that the policy flies, CHANGED or UNCHANGED.
+
+        All policies fly the changed vehicle; a policy of the file as given also flies the unchanged vehicle.
+        """
         return (CHANGED, UNCHANGED) if self.file == BEFORE else (CHANGED,)
 
     def tested(self, vehicle: str) -> Path:
-        """Return the path of the table of the policy's flights with a vehicle."""
+        """Return the path of the table of flights that the policy makes with a vehicle.
+
+        Args:
+            vehicle: CHANGED or UNCHANGED.
+        """
         return self.folder / f"{vehicle}.parquet"
 
 
 def finding(study: Study) -> list[Step]:
-    """Return two steps, not yet run: explain the log, and compare the true vehicle with held-out data."""
+    """Return two steps, not yet run: explain the log, and compare the true vehicle with held-out data.
+
+    Args:
+        study: The study.
+    """
     beside = () if study.before is None else ("--before", str(study.before))
     wanted = [word for name in study.wanted for word in ("--add", name)]
     line = ("explain", str(study.vehicle), str(study.log), *beside, "--holdout", str(study.holdout), *wanted)
@@ -130,6 +148,9 @@ def finding(study: Study) -> list[Step]:
 def chosen(study: Study) -> Path:
     """Return the path of the vehicle file of the step that `explain` recommends.
 
+    Args:
+        study: The study, in which `explain` was run.
+
     Raises:
         DataError: `explain` added nothing.
     """
@@ -142,7 +163,7 @@ def chosen(study: Study) -> Path:
 
 
 def trainings(study: Study, after: Path) -> list[Step]:
-    """Return the steps, not yet run, that fly the pilot, and train and test all policies.
+    """Return the commands (steps), not yet run, that fly the pilot, and train and test all policies.
 
     Args:
         study: The study.
@@ -186,6 +207,10 @@ def _of_a_run(study: Study, run: Run, vehicle: Path) -> Iterator[Step]:
 
 
 def quick(study: Study) -> Study:
-    """Return a study of a few seconds with the same kinds of steps, for tests of the command."""
+    """Return a copy of a study that takes a few seconds with the same kinds of steps, for tests.
+
+    Args:
+        study: The study.
+    """
     small = (*study.choices, *QUICK)
     return replace(study, before=None, seeds=1, steps=320, episodes=4, choices=small, wanted=("best",))

@@ -30,6 +30,9 @@ FLOWN = ("seed", "updates", "episodes", "success", "success_low", "success_high"
 def errors(study: Study) -> pl.DataFrame:
     """Return a table of the velocity errors 5 s ahead on held-out data, with all axes weighted together.
 
+    Args:
+        study: The study, in which `explain` was run.
+
     Returns:
         Columns `method`: the file, every step of `explain`, the simple predictors and the file with the true
         change; `error` [m/s] with `low` and `high`, a 95 % interval of a block bootstrap, where there is one.
@@ -76,6 +79,11 @@ def named(study: Study, after: Path) -> pl.DataFrame:
 
 def changes(given: Vehicle, found: Vehicle, true: Vehicle) -> pl.DataFrame:
     """Return a table of the values in which a found or a true vehicle differs from a given one.
+
+    Args:
+        given: Vehicle as given.
+        found: Vehicle with the finding, and its standard errors.
+        true: Vehicle with the true change.
 
     Returns:
         Columns `value` (name), `given`, `found` with the 95 % interval `low` to `high`, and `true`, as in
@@ -129,10 +137,13 @@ def _numbers(value: Any) -> Iterator[tuple[str, float]]:
 def flights(study: Study) -> pl.DataFrame:
     """Return the test flights of all policies that were tested, and of the pilot, one row per test.
 
+    Args:
+        study: The study.
+
     Returns:
         Columns `flown_by` (policy or helmsman), `file` (before or after the finding), `vehicle` (changed or
-        unchanged), `seed`, `updates`, `episodes`; the share `success` of arrivals.  Wilson's 95 % interval
-        is `success_low` to `success_high`.
+        unchanged), `seed`, `updates`, `episodes`; the share `success` of arrivals.  Wilson's 95 % interval is
+        `success_low` to `success_high`.
     """
     import polars as pl
 
@@ -156,11 +167,11 @@ def pooled(flights: pl.DataFrame) -> pl.DataFrame:
     The interval counts episodes as independent, so it does not include the scatter between trainings.
 
     Args:
-        flights: Table of `flights`.
+        flights: Result of the function `flights`.
 
     Returns:
-        `flown_by`, `file`, `vehicle`, `seeds`, `episodes`, `success`, `success_low`, `success_high`, `least`,
-        `most`.
+        One row for each pilot or kind of policy and vehicle, with the columns `flown_by`, `file`, `vehicle`,
+        `seeds`, `episodes`, `success` (rate), `success_low`, `success_high`, `least`, `most`.
     """
     import polars as pl
 

@@ -22,7 +22,7 @@ LEDGER = "steps.json"
 
 @dataclass(frozen=True)
 class Step:
-    """One command line of a study.
+    """One command line of a study, with its input and output files.
 
     Attributes:
         line: Words of the command line, without `hydro`.
@@ -41,12 +41,12 @@ class Step:
 
     @property
     def name(self) -> str:
-        """Command line as the user would type it."""
+        """The command line as the user would type it after `hydro`."""
         return shlex.join(self.line)
 
 
 class Runner:
-    """Runner of steps, with a ledger of the hashes of their input and output files.
+    """Runner of steps (command lines), with a file (ledger) of the hashes of their input and output files.
 
     A step is skipped if the same version of the command has read the same bytes before and its outputs are
     unchanged.  Every command writes the same bytes for the same inputs, so a change causes new runs only of
@@ -162,11 +162,11 @@ class Runner:
         return {"version": version("deep-hydro-sim")} | files
 
     def record(self, step: Step, seconds: float, workers: int = 1) -> None:
-        """Record a step that has been run, write the ledger atomically, and report the progress.
+        """Record a step as done, write the ledger of all steps atomically, and report the progress.
 
         Args:
-            step: The step.
-            seconds: Time that it took [s].
+            step: The step, which has been run.
+            seconds: Duration of the run [s].
             workers: Number of steps that run at the same time.
         """
         from hydro.io.files import write_bytes
@@ -205,7 +205,7 @@ class Runner:
 
 
 class StepFailed(HydroError):
-    """Failure of a step in its own process, which has printed the reason; with its exit code."""
+    """Error of a step whose own process failed and has printed the reason; has the process's exit code."""
 
     def __init__(self, step: Step, code: int) -> None:
         """Store the step and its exit code."""
@@ -220,7 +220,10 @@ def _processor_time() -> float:
 
 
 def apart(step: Step) -> None:
-    """Run a step of a study in its own process.
+    """Run a step of a study, which is a command line of hydro, in its own process.
+
+    Args:
+        step: The step.
 
     Raises:
         StepFailed: The process returned an exit code other than 0.
@@ -240,10 +243,13 @@ runpy.run_module("hydro.cli", run_name="__main__", alter_sys=True)
 
 
 def captured(step: Step) -> tuple[int, str, str]:
-    """Run a step in its own process; return a tuple of its exit code, stdout and stderr.
+    """Run a step of a study in its own process; return the exit code and the texts of stdout and stderr.
 
     On Linux, the step is killed when the calling process ends.  A surviving step would write to its folder
     while another process repeats the same step.
+
+    Args:
+        step: The step, a command line of hydro.
     """
     line = [sys.executable, "-c", _BOUND, *step.line]
     done = subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)

@@ -20,7 +20,13 @@ CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clip
 
 @dataclass(frozen=True)
 class Run:
-    """One network of a study: model, seed, and minutes of training data (None: all)."""
+    """One network of a study.
+
+    Attributes:
+        model: Name of the architecture.
+        seed: Seed of the training.
+        minutes: Minutes of training data; None for all data.
+    """
 
     model: str
     seed: int
@@ -28,18 +34,22 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of the files of the network."""
+        """Name of the network's files without suffix, such as `mlp-seed0-5min`."""
         part = "" if self.minutes is None else f"-{self.minutes:g}min"
         return f"{self.model}-seed{self.seed}{part}"
 
     @property
     def label(self) -> str:
-        """Label of the run among those of the same model: seed, and minutes of data if limited."""
+        """Label of the network among those of the same model: seed, and minutes of data if limited."""
         return f"seed {self.seed}" + ("" if self.minutes is None else f", {self.minutes:g} min")
 
 
 def conditioned(kind: str) -> Path:
-    """Return the path of the replay errors under one conditioning, relative to the folder of a study."""
+    """Return the path, in the folder of a study, of the replay errors under one kind of conditioning.
+
+    Args:
+        kind: Kind of conditioning, the filter of a network's wrench.
+    """
     return Path("replayed") / f"conditioning-{kind}.parquet"
 
 

@@ -32,12 +32,12 @@ KEY, CHI2 = "estimated_from", "residual"
 
 @dataclass(frozen=True)
 class Dive:
-    """One dive of a history.
+    """One dive of a vehicle's history: the files from which it is read.
 
     Attributes:
         name: Name of the dive.
         source: Raw table, part of a data set, or log.
-        map: Map of a log; None for tables.
+        map: Map of a log, the meaning of its columns; None for tables.
         definitions: Folder with `.msg` files, or None.
         vehicle: Vehicle file with which an imported log is checked.
     """
@@ -49,7 +49,7 @@ class Dive:
     vehicle: Path | None = None
 
     def read(self) -> table.Artefact:
-        """Return the raw table of the dive.
+        """Return the raw table of the dive with its provenance.
 
         Raises:
             DataError: The file is missing, damaged, or no recording.
@@ -61,7 +61,7 @@ class Dive:
             return recordings.imported([file], self.map, _quiet, vehicle_file=self.vehicle)
 
     def digest(self) -> str:
-        """Return the SHA-256 of the dive's files.
+        """Return the SHA-256 of the dive's files, in hexadecimal digits.
 
         Raises:
             DataError: A file cannot be read.
@@ -80,7 +80,7 @@ class Dive:
 
 @dataclass(frozen=True)
 class Estimated:
-    """Result for one dive.
+    """Result of the estimation of one dive.
 
     Attributes:
         dive: Name of the dive.
@@ -104,7 +104,7 @@ def dives_of(
 
     Args:
         sources: Paths of raw tables, logs, and folders of sessions.
-        map_: Map of the logs; None for tables.
+        map_: Map of the logs, the meaning of their columns; None for tables.
         definitions: Folder with `.msg` files, or None.
         vehicle: Vehicle file with which imported logs are checked.
 
@@ -136,7 +136,7 @@ def _quiet(line: str) -> None:
 
 
 def keys(dives: Sequence[Dive], baseline: Iterable[str], text: str) -> dict[str, str]:
-    """Return a dict from each dive's name to the key of its estimates, a hash of all that determines them.
+    """Return a dict from each dive's name to a hash of everything that determines the dive's estimates.
 
     Args:
         dives: The dives.
@@ -164,11 +164,11 @@ def estimates(
 
     Args:
         dives: The dives.
-        baseline: Names of the baseline dives.
+        baseline: Names of the baseline dives, made with the unchanged vehicle.
         vehicle: Vehicle.
-        text: Text of its file.
+        text: Text of the vehicle's file.
         folder: Folder of the history.
-        engine: Engine that runs the tasks.
+        engine: Engine that runs the tasks, in this process or on a cluster.
         progress: Called with a few words, the number of finished dives and the number of all.
 
     Raises:
@@ -193,7 +193,12 @@ def estimates(
 
 
 def place(folder: Path, dive: str) -> Path:
-    """Return the path of the file with the estimates of one dive."""
+    """Return the path of the file with the estimates of one dive.
+
+    Args:
+        folder: Folder of the history.
+        dive: Name of the dive.
+    """
     return partitions.place(folder / FOLDER, dive)
 
 
@@ -205,7 +210,7 @@ def estimate_dive(dive: Dive, baseline: Baseline, text: str, folder: Path, key: 
     Args:
         dive: The dive.
         baseline: Unchanged vehicle.
-        text: Text of its file.
+        text: Text of the vehicle's file.
         folder: Folder of the history.
         key: Hash of everything that determines the estimates.
     """

@@ -65,13 +65,13 @@ MOST_ORDERS = 400
 
 @dataclass(frozen=True)
 class Order:
-    """Order of the command columns, evaluated with all combinations of thruster signs.
+    """One assignment of the command columns to the thrusters, with evidence for all combinations of signs.
 
-    n is the number of thrusters, S that of combinations, M that of SCALES.
+    n is the number of thrusters, S that of combinations of signs, M that of the common scales SCALES.
 
     Attributes:
         column: Index of the column of each thruster, (n,).
-        signs: Combinations of signs, (S, n).
+        signs: Combinations of the thrusters' signs (1, or -1 if it pushes opposite to the file), (S, n).
         evidence: Unnormalised log posterior of each combination at each of SCALES, (S, M).
         prior: Logarithm of the prior probability of each combination, (S,).
     """
@@ -83,13 +83,13 @@ class Order:
 
     @cached_property
     def best(self) -> float:
-        """Unnormalised log posterior of the order of columns, summed over signs and scales."""
+        """Logarithm of the unnormalised posterior of this order of columns, summed over signs and scales."""
         return float(_summed(self.evidence.ravel()))
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior probabilities over all evaluated orders of columns and signs.
+    """Posterior probabilities over all evaluated orders of command columns and signs of thrusters.
 
     Attributes:
         orders: Orders sorted by probability, most probable first.
@@ -103,7 +103,10 @@ class Posterior:
         object.__setattr__(self, "_norm", float(_summed(np.array([order.best for order in self.orders]))))
 
     def wirings(self) -> list[tuple[Wiring, float]]:
-        """Return assignments of columns and signs, with probabilities above 0.001, most probable first."""
+        """Return pairs of an assignment of columns with signs, and its probability, most probable first.
+
+        Assignments with a probability below 0.001 are left out.
+        """
         found = []
         for order in self.orders:
             chances = np.exp(_summed(order.evidence) - self._norm)
@@ -115,7 +118,7 @@ class Posterior:
     def turned(self, column: tuple[int, ...]) -> Array:
         """Return the probability that each thruster is reversed given an order of the columns, (n,).
 
-        It is 0 for an order that is far less likely than others.
+        The probabilities are 0 for an order that was not evaluated because it is far less likely than others.
 
         Args:
             column: Index of the command column of each thruster, from 0, (n,).
@@ -149,11 +152,16 @@ def _summed(logarithms: Array) -> Array:
 
 
 def effectiveness(found: Balance, column: tuple[int, ...]) -> tuple[Array, Array]:
-    """Return effectivenesses (n,) in one order of the columns, of any sign, and their covariance (n, n).
+    """Return each thruster's effectiveness, its thrust relative to the file's, for one order of the columns.
+
+    A negative effectiveness means that the thruster pushes opposite to the file.
 
     Args:
-        found: Sufficient statistics of the regression.
+        found: Sufficient statistics of the regression of accelerations on thrusts.
         column: Index of the command column of each thruster, from 0, (n,).
+
+    Returns:
+        Effectivenesses, (n,), and their covariance, (n, n).
     """
     gram, score, _ = _Fit.of(found, column).summed()
     covariance = np.asarray(np.linalg.inv(gram + np.eye(len(gram)) / FREE**2), np.float64)
@@ -161,7 +169,7 @@ def effectiveness(found: Balance, column: tuple[int, ...]) -> tuple[Array, Array
 
 
 def posterior(found: Balance) -> Posterior:
-    """Return the posterior over orders of columns and signs; the orders come from a local search.
+    """Return posterior probabilities of orders of command columns and signs, from a local search of orders.
 
     Args:
         found: Sufficient statistics of the regression of accelerations on thrusts.
@@ -259,21 +267,27 @@ class _Fit:
 
     @classmethod
     def of(cls, found: Balance, column: tuple[int, ...]) -> _Fit:
-        """Return the regression for an order of the columns, without couplings."""
+        """Return the regression for an order of the columns, without couplings.
+
+        Args:
+            found: Sufficient statistics of the regression of accelerations on thrusts.
+            column: Index of the command column of each thruster, from 0, (n,).
+        """
         at = found.kinds * len(column) + np.array(column)
         return cls(found.arms, found.shown, found.gram[:, at[:, None], at[None, :]], found.score[:, at])
 
     @cached_property
     def factors(self) -> Array:
-        """Most probable factor of each axis, (6,)."""
+        """Most probable ratio of the measured to the file's acceleration per newton, for each axis, (6,)."""
         gram = self.gram * self.arms[:, :, None] * self.arms[:, None, :]
         return _factors(gram, self.score * self.arms)
 
     @cached_property
     def apart(self) -> Mask:
-        """Mask of pairs of axis and command whose thrusters do not push the axis in the file, (6, n).
+        """Whether, by the file, the thrusters with a command do not push an axis, for each pair, (6, n).
 
-        Thrusts within the errors of the file's geometry count as none.
+        Thrusters with highly correlated commands count as one.  Thrusts within the errors of the file's
+        geometry count as none.
         """
         size = np.sqrt(np.maximum(np.diagonal(self.gram, axis1=1, axis2=2), 1e-300))
         alike = self.gram / (size[:, :, None] * size[:, None, :])
@@ -283,19 +297,27 @@ class _Fit:
         return np.asarray(pushed <= allowed * np.abs(together).sum(axis=2))
 
     def summed(self) -> tuple[Array, Array, float]:
-        """Return curvature (n, n), gradient (n,) and constant of the log posterior in the effectivenesses."""
+        """Return the log posterior of the effectivenesses g, over all axes, as terms of c + s g - g H g / 2.
+
+        Returns:
+            Curvature H, (n, n); gradient s at zero, (n,); and constant c.
+        """
         pushed = self.factors[:, None] * self.arms
         whole = np.einsum("ai,aij,aj->ij", pushed, self.gram, pushed)
         constant = self.chance - 0.5 * float((((self.factors - 1.0) / INERTIA) ** 2)[self.shown].sum())
         return whole, (pushed * self.score).sum(axis=0), constant
 
     def evidence(self, signs: Array) -> Array:
-        """Return log likelihood plus log prior for each combination of signs and each of SCALES, (S, M)."""
+        """Return log likelihood plus log prior for each combination of signs and each of SCALES, (S, M).
+
+        Args:
+            signs: S combinations of the signs of all thrusters, (S, n).
+        """
         whole, slope, constant = self.summed()
         return _evidence(whole, slope, signs) + constant - 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
 
     def errors(self, signs: Array) -> tuple[Array, Array]:
-        """Return slope and curvature of the log likelihood in the acceleration per newton, (6, n) each.
+        """Return slope and curvature of the log likelihood in each acceleration per newton, (6, n) each.
 
         The effectivenesses are integrated out, so residuals that they explain do not count.
 
@@ -313,10 +335,11 @@ class _Fit:
         return left, np.diagonal(self.gram, axis1=1, axis2=2) - explained
 
     def coupled(self, signs: Array) -> _Fit:
-        """Return the regression with couplings added while the gain in likelihood exceeds their prior cost.
+        """Return a new regression with couplings added while the gain in likelihood exceeds their prior cost.
 
-        For an error of z standard errors, the best variance of a coupling is z^2 - 1 squared standard errors.
-        The log likelihood then increases by (z^2 - 1 - log z^2) / 2.
+        A coupling is an acceleration by a command on an axis that its thruster does not push in the file.
+        For an error of z standard errors, the best variance of a coupling is z^2 - 1 squared standard
+        errors.  The log likelihood then increases by (z^2 - 1 - log z^2) / 2.
 
         Args:
             signs: Signs of all thrusters, (n,).

@@ -111,20 +111,20 @@ COUPLED = 0.5
 
 @dataclass(frozen=True)
 class Balance:
-    """Sufficient statistics of the regression in units of the noise, with nuisance terms integrated out.
+    """Sufficient statistics of a regression of accelerations on thrusts, all other forces integrated out.
 
-    n is the number of thrusters, K that of different thrust curves.
+    They are in units of the noise.  n is the number of thrusters, K that of different thrust curves.
 
     Attributes:
-        gram: Products of the thrust columns with one another, (6, K n, K n); column k n + j belongs to
-            command column j through thrust curve k.
-        score: Products of the thrust columns with the accelerations, (6, K n).
-        arms: Acceleration per newton of each thruster in the file, (6, n).
+        gram: Products of the thrust columns with one another, for each axis, (6, K n, K n); column k n + j is
+            the thrust that command column j gives through thrust curve k.
+        score: Products of the thrust columns with the accelerations, for each axis, (6, K n).
+        arms: Acceleration per newton of each thruster on each axis by the file, (6, n).
         kinds: Index of each thruster's thrust curve, (n,).
-        shown: Axes with measured accelerations, (6,).
+        shown: Whether the acceleration on each axis was measured, (6,).
         inertia: Relative standard errors of the file's inertia about its axes, (6,).
-        driven: Indices of the thrusters among the file's commands, servos excluded, (n,).
-        idle: Thrusters that did not run, (n,).
+        driven: Indices of the thrusters among the file's actuators, which include servos, (n,).
+        idle: Whether each thruster did not run, (n,).
         delay: Delay from command to motion [s].
     """
 
@@ -140,10 +140,10 @@ class Balance:
 
 
 def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> Balance | None:
-    """Return the sums of a regression of accelerations on the thrusts of the command columns.
+    """Return the sums of a regression of a recording's accelerations on the thrusts of its command columns.
 
     Args:
-        vehicle: The vehicle.
+        vehicle: The vehicle, whose file gives the thrusters and all other forces.
         record: The recording.
         beside: Known wrench on the hull in addition to the forces of the file, at every row, (N, 6) [N, N m].
 
@@ -291,7 +291,7 @@ def _shifted(forces: Array, windows: Windows, delay: float) -> Array:
 
 @dataclass(frozen=True)
 class _Axis:
-    """Regression of one axis over W windows.
+    """Regression of the acceleration on one axis over W windows of a recording.
 
     Attributes:
         shown: Whether the acceleration of the axis is measured.
@@ -316,7 +316,11 @@ class _Axis:
     noise: Array
 
     def filtered(self, values: Array) -> Array:
-        """Return whitened values: each window minus its autoregressive prediction, in units of the spread."""
+        """Return whitened values: each window minus its autoregressive prediction, in units of the spread.
+
+        Args:
+            values: Values in the windows, (W,) or (W, k).
+        """
         out, follows = values.copy(), self.consecutive
         for lag, coefficient in enumerate(self.filter, start=1):
             follows = self.consecutive[lag:] & follows[:-1] if lag > 1 else follows[1:]
@@ -326,25 +330,29 @@ class _Axis:
 
     @cached_property
     def accelerations(self) -> Array:
-        """Whitened accelerations, (W,)."""
+        """Whitened accelerations, measured minus those of the file without thrusters, (W,)."""
         return self.filtered(self.left)
 
     @cached_property
     def nuisance(self) -> Array:
-        """Whitened nuisance terms, (W, p)."""
+        """Whitened nuisance terms (all forces but the thrusts), (W, p)."""
         return self.filtered(self.terms)
 
     @cached_property
     def nuisance_products(self) -> Array:
-        """Products of the whitened nuisance terms with one another, (p, p)."""
+        """Products of the whitened nuisance terms (all forces but the thrusts) with one another, (p, p)."""
         return np.asarray(self.nuisance.T @ self.nuisance)
 
     def thrust(self, pushed: Array) -> Array:
-        """Return integrated thrusts (W, k), scaled by their prior standard deviations."""
+        """Return integrated thrusts, scaled by the prior standard deviations of their coefficients, (W, k).
+
+        Args:
+            pushed: Integrated thrusts, (W, k) [N s].
+        """
         return REACH * self.size * pushed * self.weights[:, None]
 
     def fitted(self, pushed: Array) -> tuple[Array, Array, float]:
-        """Fit all columns freely: nuisance terms and thrusts, scaled by their prior standard deviations.
+        """Fit nuisance terms and all thrusts freely, each scaled by its prior standard deviation.
 
         Args:
             pushed: Integrated thrusts, (W, k).
@@ -364,12 +372,20 @@ class _Axis:
         return beta, self.accelerations - columns @ beta, float((inverse * gram).sum())
 
     def cost(self, pushed: Array) -> float:
-        """Return minus twice the log likelihood with every column free and the spread estimated."""
+        """Return minus twice the log likelihood with every column free and the spread estimated.
+
+        Args:
+            pushed: Integrated thrusts, (W, k).
+        """
         _, errors, _ = self.fitted(pushed)
         return float(len(errors) * np.log(errors @ errors + 1e-300))
 
     def whitened(self, pushed: Array) -> _Axis:
-        """Return the axis with autoregression and spread of the errors, estimated from thrusts (W, k)."""
+        """Return a copy with the autoregression and the spread of the axis's errors, estimated from thrusts.
+
+        Args:
+            pushed: Integrated thrusts, (W, k).
+        """
         if not self.shown:
             return self
         axis = self
@@ -472,7 +488,7 @@ class _Terms:
         known: Sequence[_Axis] | None = None,
         wanted: Sequence[int] = tuple(range(AXES)),
     ) -> list[_Axis]:
-        """Set up the regressions of axes at a current.
+        """Return the regressions of the accelerations on some axes at a given current.
 
         Args:
             current: Velocity of the water north and east, in addition to the file's current [m/s].
@@ -534,10 +550,10 @@ class _Terms:
 
     @cached_property
     def steady(self) -> tuple[Array, Array]:
-        """Integrals over W windows of signals that do not depend on the current.
+        """Two arrays of integrals over W windows, of signals that do not depend on the current.
 
-        They are 1 and the rotation from body to NED, row by row, (W, 10); then rates, their squares with
-        sign, and their products, (W, 9).
+        The first has 1 and the rotation from body to NED, row by row, (W, 10); the second the rates, their
+        squares with sign, and their products, (W, 9).
         """
         windows = self.windows
         nu = windows.nu[windows.rows]
@@ -559,9 +575,9 @@ class _Terms:
 
     @cached_property
     def levers(self) -> Array:
-        """Accelerations due to a DVL half a hull's size ahead, to starboard or below, (W, 3 places, 3 axes).
+        """Accelerations of a DVL that is half a hull's size ahead, to starboard or below, (W, 3, 3).
 
-        The axes are those of the body.
+        They are integrated over W windows; the second index is the place, the third the body axis.
         """
         hull, windows = self.vehicle.hull, self.windows
         rates = windows.nu[windows.rows, 3:]

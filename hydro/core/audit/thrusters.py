@@ -49,22 +49,25 @@ MOST_ALTERNATIVES, LIKELY = 3, 0.05
 class ThrusterAudit:
     """Result of a thruster audit: directions, order and effectiveness of n actuators.
 
+    The effectiveness of a thruster is its thrust relative to the file's.  An assignment says which command
+    column drives each thruster, and with which sign.
+
     Attributes:
-        wiring: Stated directions and order; those of the file if nothing else is stated.
-        probability: Probability of the stated directions and order.
+        wiring: Assignment that the audit states; that of the file if nothing else is certain.
+        probability: Probability of `wiring`.
         plain: Probability that all directions and the order are those of the file.
         alternatives: Most probable assignments, with probabilities, if the file is wrong and none is certain.
-        effectiveness: Thrust of each thruster relative to the file's, by the column that drives it, (n,);
-            negative if it pushes opposite to the file; NaN for servos.
+        effectiveness: Effectiveness of each thruster with the column that drives it, (n,); negative if it
+            pushes opposite to the file; NaN for servos.
         low: Lower end of the 95 % interval of the effectiveness, (n,).
         high: Upper end of the 95 % interval of the effectiveness, (n,).
         scale: Thrust of all thrusters relative to the file: estimate, low and high end of its 95 % interval.
-        seen: Thrusters whose individual effectiveness is determined, (n,).
-        clear: Thrusters of `seen` whose direction is certain, (n,); a dead thruster has none.
+        seen: Whether the individual effectiveness of each thruster is determined, (n,).
+        clear: Whether a thruster of `seen` has a certain direction, (n,); False for a dead thruster.
         together: Groups of thrusters that the recording cannot separate, by index from 0.
-        weak: Thrusters of `seen` that hardly push, unless too small an inertia may be the cause, (n,).
-        idle: Thrusters that did not run, (n,).
-        shown: Measured accelerations among u v w p q r, (6,).
+        weak: Whether a thruster of `seen` hardly pushes, unless too small an inertia may be the cause, (n,).
+        idle: Whether each thruster did not run, (n,).
+        shown: Whether the acceleration of each of u v w p q r was measured, (6,).
         delay: Delay from command to motion [s].
     """
 
@@ -90,7 +93,7 @@ class ThrusterAudit:
         return self.plain <= 1.0 - SURE
 
     def columns(self) -> tuple[str, ...]:
-        """Return the sorted names of command columns that the stated assignment or an alternative changes."""
+        """Return the sorted names of the command columns that `wiring` or an alternative assigns anew."""
         every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
         return tuple(sorted({name for wiring in every for name in wiring.columns()}))
 
@@ -110,7 +113,7 @@ class ThrusterAudit:
             yield f"accelerations of {listed(hidden)} are not measured and not used"
 
     def statements(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
-        """Yield contradictions of the file: directions and order, a common scale, weak thrusters.
+        """Yield sentences on contradictions of the file: directions, order, common scale, weak thrusters.
 
         Args:
             file: Name of the vehicle file, for the command that corrects it; empty if unknown.
@@ -151,9 +154,10 @@ class ThrusterAudit:
         return f"{told}: {'; '.join(advice)}"
 
     def table(self) -> pl.DataFrame:
-        """Return a table with one row per actuator and the attributes of the same names.
+        """Return a new table with one row per actuator.
 
-        Columns: `thruster` (from 1), `effectiveness`, `low`, `high` (null for servos) and `seen`.
+        Columns: `thruster` (from 1); `effectiveness` with its 95 % interval `low` to `high` (null for
+        servos); and `seen`, whether the effectiveness is determined.
         """
         return pl.DataFrame(
             {
@@ -228,7 +232,7 @@ class ThrusterAudit:
 
 
 def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> ThrusterAudit | None:
-    """Return the audit of the directions, order and effectiveness of a file's thrusters in a recording.
+    """Return the audit of a file's thrusters in a recording: their directions, order and effectiveness.
 
     Args:
         vehicle: The vehicle.

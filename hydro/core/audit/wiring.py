@@ -13,11 +13,11 @@ from hydro.core.columns import Array, command_column
 
 @dataclass(frozen=True)
 class Wiring:
-    """Command column that drives each thruster, and the thruster's direction.
+    """Assignment: the command column that drives each thruster, and the thruster's direction.
 
     Attributes:
         column: For each thruster, the index of its command column, from 0.
-        sign: For each thruster, 1, or -1 if it pushes opposite to the file.
+        sign: For each thruster, 1, or -1 if the thruster pushes opposite to the file.
     """
 
     column: tuple[int, ...]
@@ -35,27 +35,27 @@ class Wiring:
 
     @property
     def reversed(self) -> tuple[int, ...]:
-        """Indices of the thrusters that have their own column and push opposite to the file."""
+        """Indices of the thrusters with the file's column that push opposite to the file, from 0."""
         return tuple(i for i, drive in enumerate(self.drives()) if drive == (i, -1))
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Indices of the thrusters that another column drives."""
+        """Indices of the thrusters that another column than the file's drives, from 0."""
         return tuple(i for i, column in enumerate(self.column) if column != i)
 
     def drives(self) -> Iterator[tuple[int, int]]:
-        """Return an iterator over the thrusters: index of the command column from 0, and sign 1 or -1."""
+        """Return an iterator over pairs, one per thruster: index of its command column, and sign 1 or -1."""
         return zip(self.column, self.sign, strict=True)
 
     def exchanges(self) -> Iterator[tuple[int, ...]]:
-        """Yield the n column indices of all thrusters after each exchange of the columns of two thrusters."""
+        """Yield, for each exchange of two thrusters' columns, the new column indices of all n thrusters."""
         for i, k in combinations(range(len(self.column)), 2):
             changed = list(self.column)
             changed[i], changed[k] = changed[k], changed[i]
             yield tuple(changed)
 
     def simpler(self) -> Iterator[Wiring]:
-        """Yield the assignments that differ from the file in one sign, or one exchange of columns, less."""
+        """Yield new assignments that differ from the file in one sign, or one exchange of columns, less."""
         for i, sign in enumerate(self.sign):
             if sign < 0:
                 yield Wiring(self.column, (*self.sign[:i], 1, *self.sign[i + 1 :]))
@@ -66,10 +66,13 @@ class Wiring:
             yield Wiring(tuple(changed), self.sign)
 
     def apply(self, commands: Array) -> Array:
-        """Return logged commands in the order and with the signs that the file expects.
+        """Return a new array of logged commands in the order and with the signs that the file expects.
 
         Args:
             commands: Commands of n columns in N rows, (N, n).
+
+        Returns:
+            Commands of the n thrusters, (N, n).
         """
         return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
 

@@ -36,7 +36,7 @@ class Cleaned:
         raw: Corrected raw table; rows and columns without faults are as logged.
         record: The corrected table as arrays; outliers of channels with heavy-tailed noise have less weight.
         faults: Corrected faults of the log, one of each kind.
-        tails: Channels with heavy-tailed noise, and the shape of their noise.
+        tails: Channels with heavy-tailed noise, and the degrees of freedom of their noise (Student's t).
     """
 
     raw: pl.DataFrame
@@ -51,7 +51,7 @@ class Cleaned:
 
 
 def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> Cleaned:
-    """Return a recording without bad readings, mislabelled columns, a gyro's bias and outliers.
+    """Return a recording corrected for bad readings, mislabelled columns, a gyro's bias and outliers.
 
     The given table does not change.
 

@@ -45,7 +45,7 @@ NOTHING = "nothing can be concluded about the vehicle"
 
 
 def unready(record: Recording) -> str:
-    """Return in words why a recording shows nothing about the vehicle; empty if the recording is usable."""
+    """Return the reason, in words, why a recording shows nothing about the vehicle; empty if it is usable."""
     runs, still, floats = ran(record.commands), not moved(record), at_surface(record)
     if not runs and still:
         return f"the thrusters never ran and the vehicle did not move: {NOTHING}; record it under way"
@@ -74,7 +74,7 @@ def unready(record: Recording) -> str:
 
 
 def require_ready(record: Recording) -> None:
-    """Refuse a recording that shows nothing about the vehicle.
+    """Raise an error if a recording shows nothing about the vehicle.
 
     Raises:
         DataError: The recording is not usable; the message gives the reason and what to do.
@@ -104,7 +104,7 @@ def moved(record: Recording) -> bool:
 
 
 def at_surface(record: Recording) -> bool:
-    """Return whether the depth was measured and nearly always within SURFACE."""
+    """Return whether the depth was measured and nearly always less than SURFACE [m] from zero."""
     z = _depth(record)
     return bool(z.size) and float(np.mean(np.abs(z) <= SURFACE)) >= MOSTLY
 

@@ -21,7 +21,7 @@ ERROR = "error 5 s ahead [m/s]"
 
 
 def flights(vehicle: Vehicle) -> pl.DataFrame:
-    """Simulate the manoeuvres of the library open loop from rest, and return them as one raw table.
+    """Return simulated flights of all manoeuvres of the library, open loop from rest, as one raw table.
 
     Manoeuvres in which the motion diverges are left out.
 
@@ -40,7 +40,7 @@ def flights(vehicle: Vehicle) -> pl.DataFrame:
 
 
 class Errors:
-    """Prediction errors of vehicle files 5 s ahead, against a true vehicle or its recording.
+    """Prediction errors of vehicle files 5 s ahead; the truth is a vehicle's simulation or a recording.
 
     Attributes:
         own: Error of the true vehicle's file itself [m/s]; on simulated manoeuvres due to smoothing alone.
@@ -62,9 +62,9 @@ class Errors:
         self.own = self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Return the root mean square velocity error of a vehicle file 5 s ahead [m/s].
+        """Return the root mean square velocity error of a vehicle file, predicted 5 s ahead [m/s].
 
-        It is the measure of `hydro compare` and `hydro explain`.
+        The error is measured as `hydro compare` and `hydro explain` do.
 
         Args:
             vehicle: Vehicle file to test.

@@ -48,12 +48,13 @@ NOTHING, EVERYTHING = "nothing", "everything"
 
 @dataclass(frozen=True)
 class Change:
-    """Part of a vehicle file that differs from another file.
+    """Part of a vehicle file that differs from the same part of another file.
 
     Attributes:
         part: `rigid_body`, `thruster T1, T2`, or `effect` and its name.
-        words: Values of the first and of the second file.
-        undone: Second vehicle with this part replaced by that of the first; None if no file can have it.
+        words: Values of the first and of the second file, as text.
+        undone: Copy of the second vehicle in which this part is that of the first; None if no file can have
+            it.
     """
 
     part: str

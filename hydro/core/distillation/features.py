@@ -48,7 +48,12 @@ NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
 
 @kernel
 def physfeat_kernel(x: Array, out: Array) -> None:
-    """Write the 45 features of a state `x` = (nu, nu_dot), (12,), to `out`, (45,)."""
+    """Write the 45 features of a state x = (nu, nu_dot), velocity and acceleration in body axes, to `out`.
+
+    Args:
+        x: State, (12,) [m/s, rad/s, m/s^2, rad/s^2].
+        out: Output: velocities, accelerations and products of velocities, in the order of `names`, (45,).
+    """
     for i in range(12):
         out[i] = x[i]
     for i in range(6):
@@ -70,10 +75,12 @@ def _physfeat_columns(states: Array, out: Array) -> None:
 
 
 def names(feature_set: str) -> tuple[str, ...]:
-    """Return the names of a feature set in order, such as u, u_dot, u|u|, uv, |v|u; u is smoothed velocity.
+    """Return the names of the features of a set, in order, such as u, u_dot, u|u|, uv, |v|u.
+
+    u v w p q r are smoothed velocities, u_dot ... r_dot accelerations, both in body axes.
 
     Args:
-        feature_set: `raw` (nu and nu_dot) or `physfeat` (also products of velocities).
+        feature_set: `raw` (velocity nu and acceleration nu_dot) or `physfeat` (also products of velocities).
 
     Raises:
         DataError: The set is unknown.
@@ -112,8 +119,9 @@ def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
         feature_set: `raw` (velocity and acceleration) or `physfeat` (also products of velocities).
 
     Returns:
-        `session`, `t`; `block` and `part` if the table was split; the features as float32 columns, named by
-        `names`; and the targets tau_res, OUTPUTS [N, N m].
+        A new table with the columns `session`, `t` [s]; `block` and `part` if the table was split; the
+        features as float32 columns, named by `names`; and the targets, the residual wrench tau_res, as
+        OUTPUTS [N, N m].
 
     Raises:
         DataError: The set is unknown, or the table lacks a column.

@@ -54,8 +54,8 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
 
     Args:
         nu: Velocities in N rows, (N, 6) [m/s, rad/s].
-        bounds: First and past-the-last row of each of S unbroken segments, (S, 2); the past does not cross
-            segments.
+        bounds: First and past-the-last row of each of S unbroken segments, (S, 2).  Before the start of a
+            segment, its first velocity is repeated.
         window: Number of velocities, including the present one.
         stride: Rows between two of these velocities.
 
@@ -72,14 +72,24 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
 
 @kernel
 def begin(nu: Array, memory: Array) -> None:
-    """Fill the memory of past velocities (6 (window - 1),) with the first velocity nu (6,) of a flight."""
+    """Fill a network's memory of past velocities with the first velocity of a flight.
+
+    Args:
+        nu: First velocity, (6,) [m/s, rad/s].
+        memory: Past velocities, newest first, changed in place, (6 (window - 1),).
+    """
     for k in range(memory.size):
         memory[k] = nu[k % AXES]
 
 
 @kernel
 def remember(nu: Array, memory: Array) -> None:
-    """Shift the memory of past velocities (6 (window - 1),) by one period; nu (6,) becomes the newest."""
+    """Shift a network's memory of past velocities by one period, and put a velocity in front.
+
+    Args:
+        nu: Newest velocity, (6,) [m/s, rad/s].
+        memory: Past velocities, newest first, changed in place, (6 (window - 1),).
+    """
     for k in range(memory.size - 1, AXES - 1, -1):
         memory[k] = memory[k - AXES]
     for k in range(min(AXES, memory.size)):

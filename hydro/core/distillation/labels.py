@@ -81,8 +81,9 @@ def labels(
 ) -> pl.DataFrame:
     """Return a raw table with smoothed motion, thrusts and the residual wrench tau_res of every row.
 
-    If pose or velocity has nulls, only rows that the samples determine have labels; other rows have nulls.
-    Columns of standard deviations are then added.
+    tau_res is the wrench that the known physics does not explain.  If pose or velocity has nulls, only rows
+    that the samples determine have labels; other rows have nulls.  Columns of standard deviations are then
+    added.
 
     Args:
         vehicle: Rigid body, buoyancy, thrusters and effects.
@@ -91,14 +92,15 @@ def labels(
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         design: Filter that smooths the velocities; by default designed for the recording (`filter_design`).
-        subtract: `inertia` subtracts only M nu_dot, `effects` also the wrenches of all effects.
+        subtract: `inertia` subtracts only M nu_dot, with the mass matrix M (added mass included) and the
+            acceleration nu_dot; `effects` also the wrenches of all effects.
         limits: For a recording with nulls, the greatest standard deviations of a row with a label; by default
             those of `Bounds`.
 
     Returns:
         The raw columns unchanged, and as float32: smoothed velocity `u_s` ... `r_s`, acceleration `u_dot` ...
-        `r_dot`, thrusts `f_1` ... `f_n` [N], tau_prop `X_prop` ... `N_prop` and tau_res `X_res` ... `N_res`
-        about CO in body axes [N, N m].
+        `r_dot`, thrusts `f_1` ... `f_n` [N], tau_prop (the thrusters' wrench) `X_prop` ... `N_prop` and
+        tau_res `X_res` ... `N_res` about CO in body axes [N, N m].
 
     Raises:
         DataError: The sample time is not constant, a row is isolated between gaps, the commands do not fit
@@ -144,7 +146,7 @@ def labels(
 
 
 def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
-    """Return the names of the effects whose force or inertia is subtracted from tau_res, in the file's order.
+    """Return the names of the effects that labels exclude from the residual wrench, in the file's order.
 
     Args:
         vehicle: The vehicle.
@@ -207,12 +209,12 @@ def filter_design_of_sessions(
 
 
 def labelled(labels: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows of a labels or split table in which tau_res is known."""
+    """Return the rows of a labels or split table in which the residual wrench tau_res is known."""
     return labels.filter(pl.col(f"{WRENCH[0]}_res").is_not_null()) if UNCERTAIN in labels.columns else labels
 
 
 def smoother_reach(labels: pl.DataFrame) -> int:
-    """Return the number of rows before (and the same number after) a row that influence its smoothed motion.
+    """Return how many rows before a row, and as many after it, influence its smoothed motion.
 
     Args:
         labels: Labels table.
@@ -224,7 +226,9 @@ def smoother_reach(labels: pl.DataFrame) -> int:
 
 
 def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) -> Array:
-    """Return the standard deviation of nu_dot in a labels table due to sensor noise, (6,) [m/s^2, rad/s^2].
+    """Return the standard deviations of the accelerations of a labels table due to sensor noise, (6,).
+
+    They are those of u_dot ... r_dot [m/s^2, rad/s^2].
 
     Args:
         labels: Labels or split table.

@@ -67,7 +67,7 @@ ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
 
 
 class Bounds(NamedTuple):
-    """Greatest standard deviations of a row with a label.
+    """Greatest standard deviations that the motion of a row with a label may have.
 
     Attributes:
         velocity: Bound of the velocities [m/s, rad/s].
@@ -97,7 +97,8 @@ def labels_of_samples(
         vehicle: Rigid body, buoyancy, thrusters and effects.
         raw: Raw table; pose and velocity may be null.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
-        subtract: `inertia` subtracts only M nu_dot, `effects` also the wrenches of all effects.
+        subtract: `inertia` subtracts only M nu_dot, with the mass matrix M (added mass included) and the
+            acceleration nu_dot; `effects` also the wrenches of all effects.
         limits: Bounds of the standard deviations of a row with a label; by default those of `Bounds`.
 
     Returns:
@@ -135,7 +136,7 @@ def labels_of_samples(
 
 
 def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
-    """Return how many rows of a labels table have no label, and why, in words; empty if all rows have labels.
+    """Return, in words, how many rows of a labels table have no label, and why; empty if all have labels.
 
     Args:
         labels: Result of `labels_of_samples` with the same bounds.
@@ -155,12 +156,12 @@ def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
 
 
 def reach_of_samples(labels: pl.DataFrame) -> int:
-    """Return the number of rows on either side of a row that influence its smoothed motion.
+    """Return how many rows on either side of a row influence its smoothed motion.
 
-    It is estimated from the standard deviations.  The smoother is a low-pass filter, whose time constant is
-    about the ratio of the standard deviations of velocity and acceleration (within a factor of the square
-    root of 2). The weight of a sample falls to a thousandth of the largest within 10 time constants if the
-    velocity is measured, and within 20 if only the position is.
+    The number is estimated from the standard deviations.  The smoother is a low-pass filter, whose time
+    constant is about the ratio of the standard deviations of velocity and acceleration (within a factor of
+    the square root of 2).  The weight of a sample falls to a thousandth of the largest within 10 time
+    constants if the velocity is measured, and within 20 if only the position is.
 
     Args:
         labels: Result of `labels_of_samples`.

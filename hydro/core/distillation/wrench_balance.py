@@ -18,7 +18,11 @@ from hydro.core.vehicle.thrusters import UNIT_WRENCH
 
 
 def names(thrusters: int) -> list[str]:
-    """Return the names of the columns that labels add to a raw table, for a number of thrusters."""
+    """Return the names of the columns that labels add to a raw table.
+
+    Args:
+        thrusters: Number of thrusters.
+    """
     return [
         *(f"{name}_s" for name in VELOCITY),
         *(f"{name}_dot" for name in VELOCITY),
@@ -29,7 +33,7 @@ def names(thrusters: int) -> list[str]:
 
 
 def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
-    """Return k columns of a table of N rows as one C-contiguous float64 array, (N, k)."""
+    """Return k columns of a table of N rows as one new float64 array in C order, (N, k)."""
     out = np.empty((frame.height, len(names)))
     for i, name in enumerate(names):
         out[:, i] = frame[name].to_numpy()
@@ -37,7 +41,7 @@ def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
 
 
 class Constants(NamedTuple):
-    """Constants of a vehicle in the wrench balance.
+    """Constants of a vehicle in the balance of wrenches that gives the labels.
 
     Attributes:
         configuration: Wrench about CO per newton of each of n thrusters, B^T, (n, 6).
@@ -51,10 +55,10 @@ class Constants(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Terms of the wrench balance in N rows.
+    """Terms of the balance of wrenches in N rows of a recording.
 
     Attributes:
-        motion: nu and nu_dot of CO, body axes, (N, 6, 2).
+        motion: Velocity nu and acceleration nu_dot of CO, body axes, (N, 6, 2).
         attitude: phi, theta, psi [rad], (N, 3).
         thrust: Thrusts of n thrusters [N], (N, n).
         forces: Wrenches of the effects to subtract, (N, 6) [N, N m]; (0, 6) if none are subtracted.
@@ -67,11 +71,11 @@ class Terms(NamedTuple):
 
 
 def constants(vehicle: Vehicle, table: Array) -> Constants:
-    """Return the constants of the wrench balance.
+    """Return the constants of a vehicle in the balance of wrenches that gives the labels.
 
     Args:
         vehicle: The vehicle.
-        table: Thruster table of its n thrusters, (n, columns).
+        table: Thruster table of its n thrusters, (n, columns), from `effects.thruster_table`.
     """
     mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
     return Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
@@ -85,8 +89,8 @@ def label_kernel(rows: Terms, known: Constants, start: int, out: Array32) -> Non
         rows: Terms of the rows.
         known: Constants of the vehicle.
         start: Index within the recording of the first of these rows.
-        out: Output: columns nu, nu_dot, thrusts, tau_prop, tau_res of all N rows in the order of `names`, for
-            n thrusters, (24 + n, N).
+        out: Output for all N rows, in the order of `names`, for n thrusters, (24 + n, N): velocities nu,
+            accelerations nu_dot, thrusts, the thrusters' wrench tau_prop and the residual wrench tau_res.
     """
     motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
     configuration, mass, weight = known.configuration, known.mass, known.weight

@@ -59,36 +59,41 @@ PLAIN = 0.05  # distance from a whole exponent within which a curve counts as th
 
 
 def thruster_gain(p: Array, table: Array) -> None:
-    """Thrust f_i (1 + g_i): a worn or fouled propeller (g < 0), or another supply voltage for all thrusters.
+    """Thrust f_i (1 + g_i) of thruster i with the nominal thrust f_i and the gain g_i.
 
-    A common factor does not affect servos, whose rows exert no wrench.
+    A worn or fouled propeller has g < 0; another supply voltage changes all thrusters.  A common factor does
+    not affect servos, whose rows exert no wrench.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     pushes = np.abs(table[:, UNIT_WRENCH]).max(axis=1) > 0.0
     table[:, GAIN] += p if len(p) == len(table) else p[0] * pushes
 
 
 def thruster_asymmetry(p: Array, table: Array) -> None:
-    """Thrust (1 - a) f where f < 0: blades and ducts are shaped for one direction.
+    """Thrust (1 - a) f where the nominal thrust f is negative: blades and ducts are shaped for one direction.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, ASYMMETRY] += p[0]
 
 
 def thruster_lag(p: Array, table: Array) -> None:
-    """Time constant T + dT of the first-order lag.
+    """Time constant T + dT of the first-order lag of all thrusters, with the time constant T of the file.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, TIME_CONSTANT] += p[0]
 
 
 def command_delay(p: Array, table: Array) -> None:
-    """Command u(t - d): transport and computing time before a thruster responds.
+    """Command u(t - d), later by d: transport and computing time before a thruster responds.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, DELAY] += p[0]
 
@@ -96,19 +101,21 @@ def command_delay(p: Array, table: Array) -> None:
 def thruster_deadband(p: Array, table: Array) -> None:
     """Dead band wider by d, in units of command or normalised speed; for a table, in units of full thrust.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, DEADBAND] += p[0]
 
 
 def thruster_curve(p: Array, table: Array) -> None:
-    """Thrust |n|^(a + da) sign(n) of the maximum; in the file, a = 1 for a linear curve, 2 for a quadratic.
+    """Thrust |n|^(a + da) sign(n) of the maximum for the command n; the file's exponent a is changed by da.
 
-    A propeller's thrust is proportional to the square of its speed.  A command may be a share of voltage,
-    speed or thrust, which depends on the driver.  So a wrong curve is the most common error of a thruster
-    table.
+    a is 1 for a linear curve, 2 for a quadratic one.  A propeller's thrust is proportional to the square of
+    its speed.  A command may be a share of voltage, speed or thrust, which depends on the driver.  So a wrong
+    curve is the most common error of a thruster table.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, POWER] += p[0]
 
@@ -116,22 +123,25 @@ def thruster_curve(p: Array, table: Array) -> None:
 def thruster_inflow(p: Array, table: Array) -> None:
     """Thrust f - c sqrt(|f| f_max) u_a, u_a = d_i . (v_r + omega x r_i) the water's speed into the propeller.
 
-    This is the linear part of the open-water curve K_T(J) = a_0 - a_1 J.  With T ~ n^2 the loss is
-    proportional to n u_a, thus to sqrt(|T|) u_a.
+    f is the thrust without inflow, f_max its maximum, d_i and r_i direction and place of thruster i.  This is
+    the linear part of the open-water curve K_T(J) = a_0 - a_1 J.  With T ~ n^2 the loss is proportional to n
+    u_a, thus to sqrt(|T|) u_a.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, INFLOW] += p[0]
 
 
 def propeller_torque(p: Array, table: Array) -> None:
-    """Moment Q_i = k_i f_i about the thrust axis, added to f_i: the propeller's reaction on the hull.
+    """Moment Q_i = k_i f_i about the axis of thruster i with thrust f_i: the propeller's reaction.
 
     k = D K_Q/K_T of the open-water diagram, about a tenth of the diameter D.  It is positive for a propeller
     whose reaction turns the hull like a right-handed screw, and negative for the opposite direction.  The
     axis of a thruster given by its wrench is that of its force.
 
-    Changes `table`; arguments as in `layout`.
+    Changes `table`, the thruster table of `vehicle.thrusters`, (thrusters, columns), by the parameters `p`;
+    arguments as in `layout`.
     """
     table[:, REACTION] += p
     table[:, UNIT_MOMENT] += p[:, None] * table[:, UNIT_FORCE]
@@ -202,8 +212,8 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
         low: Minimum of the sum.
         high: Maximum of the sum.
         of: Function that returns the file's value of one thruster.
-        words: Description of the range.
-        source: Source of the range.
+        words: Description of the range, for reports.
+        source: Publication or reason of the range.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -214,7 +224,7 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 
 
 def within(room: Room) -> Limits:
-    """Return a function for `Parameter.limits`, the bounds of a parameter in a fit.
+    """Return the function that gives a parameter's bounds in a fit, for `Parameter.limits`.
 
     Args:
         room: Function from a vehicle to the minimum and maximum of the parameter.
@@ -251,11 +261,14 @@ def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark if the file's thrust curve is linear instead of quadratic, or the reverse; else None.
+    """Return a remark if a quadratic thrust curve fits in the place of a linear one, or the reverse.
 
     Args:
         parameters: Fitted change `da` of the curve's exponent.
         dt: Not used.
+
+    Returns:
+        The remark; None if the change of the exponent is not near 1 or -1.
     """
     power = float(parameters["da"])
     if abs(abs(power) - 1.0) >= PLAIN:
@@ -268,7 +281,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
 
 
 def asymmetry_sentence(case: Case) -> str:
-    """Return a sentence that states the remaining share of reverse thrust."""
+    """Return a sentence that states the thrust in reverse, in percent of the nominal thrust in reverse."""
     loss = case.one("a").times(100.0)
     left = quantity(100.0 - loss.value, loss.error, "%")
     if not loss.clear:
@@ -306,7 +319,7 @@ def inflow_sentence(case: Case) -> str:
 
 
 def torque_sentence(case: Case) -> str:
-    """Return a sentence that states the most significant reaction torques of the propellers."""
+    """Return a sentence that states the most significant reaction torques of the propellers on the hull."""
     given = case.values.get("k", ())
     ratios = case.many("k", (len(given) if isinstance(given, list | tuple | np.ndarray) else 0,))
     order = sorted(

@@ -1,4 +1,4 @@
-"""Fitted values of one effect with the vehicle file: input of its sentence."""
+"""Fitted values of one effect, with the vehicle file: input of the sentence that states the effect."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Quantity(NamedTuple):
 
     @property
     def change(self) -> float:
-        """Difference from the file's value."""
+        """Fitted value minus the file's value."""
         return self.value - self.before
 
     @property
@@ -60,21 +60,21 @@ class Quantity(NamedTuple):
         return Quantity(self.value * factor, self.error * abs(factor), self.before * factor)
 
     def text(self, unit: str = "") -> str:
-        """Return text with the value, its unit and its standard error."""
+        """Return the value with its unit and standard error as text, such as `0.25 m/s (±0.01)`."""
         return wording.quantity(self.value, self.error, unit)
 
     def size(self, unit: str = "") -> str:
-        """Return text with the absolute value, its unit and its standard error."""
+        """Return the absolute value with its unit and standard error as text, such as `0.25 m/s (±0.01)`."""
         return wording.quantity(abs(self.value), self.error, unit)
 
     def changed(self, unit: str = "") -> str:
-        """Return text with the absolute difference from the file's value, its unit and its standard error."""
+        """Return the absolute difference from the file's value, with unit and standard error, as text."""
         return wording.quantity(abs(self.change), self.error, unit)
 
 
 @dataclass(frozen=True)
 class Case:
-    """Values of one effect, and the vehicle file as given.
+    """Fitted values of one effect and the vehicle file as given, from which a sentence is made.
 
     Attributes:
         vehicle: The vehicle file.
@@ -106,7 +106,7 @@ class Case:
         return all((np.abs(_numbers(value)) < LARGEST).all() for value in self.values.values())
 
     def of_file(self, key: str, shape: tuple[int, ...] = ()) -> Array:
-        """Return a parameter's value in the vehicle file; zeros if the file has none.
+        """Return a parameter's value in the vehicle file as an array; zeros if the file has no value.
 
         Args:
             key: Name of the parameter.
@@ -123,11 +123,13 @@ class Case:
         return self.many(key, ())[0]
 
     def many(self, key: str, shape: tuple[int, ...]) -> list[Quantity]:
-        """Return the fitted components of a parameter, row by row.
+        """Return the components of a parameter in one list, matrices row by row.
+
+        A component that was not fitted has the file's value, or 0.
 
         Args:
             key: Name of the parameter.
-            shape: Shape of the parameter.
+            shape: Shape of the parameter's array; () for a number.
         """
         before = self.of_file(key, shape)
         given = key in self.values
@@ -151,7 +153,7 @@ class Case:
         return errors
 
     def sampled(self, time: float) -> str:
-        """Return a remark if a fitted time is at most one sample of the log; else an empty text.
+        """Return a clause that a fitted time is at most one sample of the log; empty if the time is longer.
 
         Args:
             time: Fitted time, such as a delay [s].

@@ -51,7 +51,7 @@ DOUBT = 3.0
 
 
 class Catalogue(dict[str, Effect]):
-    """Effects by name; labelled ones, such as `payload:camera`, by the name before the label."""
+    """Mapping from names to effects; a label, as in `payload:camera`, is ignored."""
 
     def __missing__(self, name: str) -> Effect:
         plain = catalogue_name(name)
@@ -78,7 +78,7 @@ def with_role(role: Role) -> tuple[str, ...]:
 
 
 class Entry(NamedTuple):
-    """Effect of a vehicle.
+    """Effect in a vehicle file: its record in the catalogue and its parameters.
 
     Attributes:
         effect: Record of the effect in the catalogue.
@@ -142,7 +142,9 @@ def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return M_A, the inertia of the water alone, (6, 6): `inertia_matrix` without the payloads' dry mass.
+    """Return the added mass M_A of a vehicle about CO, (6, 6) [kg, kg m, kg m^2].
+
+    Dry mass of payloads is excluded.
 
     Args:
         vehicle: The vehicle.
@@ -156,15 +158,15 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 
 
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return the motion of the water, NED, (7,): the sum of the vehicle's `flow` effects.
+    """Return the motion of the water as 7 numbers, (7,), from the sum of the vehicle's `flow` effects.
 
     Args:
         vehicle: The vehicle.
         listed: Result of `entries` for this vehicle, if already computed.
 
     Returns:
-        Three components of the velocity at depth z = 0 and time t = 0 [m/s], then the gradients of the north
-        and east components with depth [1/s], two, and with time [m/s^2], two.
+        Three components of the velocity at depth z = 0 and time t = 0, NED [m/s], then the gradients of the
+        north and east components with depth [1/s], two, and with time [m/s^2], two.
     """
     flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
@@ -174,9 +176,10 @@ def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
 
 
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return a new (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects.
+    """Return the thruster table of a vehicle, changed by its effects of kind `actuator`, (n, COLUMNS).
 
-    The effects change rows of thrusters only, not of servos.
+    A row has the constants of one thruster, see `vehicle.thrusters`.  The effects do not change rows of
+    servos.
 
     Args:
         vehicle: The vehicle, with n thrusters and servos.
@@ -199,9 +202,9 @@ def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> A
 
 
 def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Return the errors of the DVL and the logged reference point, (16,), from a vehicle's `sensor` effects.
+    """Return the errors of a vehicle's DVL and the logged reference point as one vector, (16,).
 
-    `core.effects.sensor` has the meaning of the entries.
+    The vector comes from effects of kind `sensor`; `core.effects.sensor` has the meaning of the entries.
 
     Args:
         vehicle: The vehicle.
@@ -215,7 +218,7 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
 
 
 def wholly_known(vehicle: Vehicle, name: str) -> bool:
-    """Return whether a vehicle has an effect with all parameters marked as known."""
+    """Return whether a vehicle file has an effect of a given name with all parameters marked as known."""
     return any(CATALOGUE[name].wholly_known(table) for table in vehicle.effects(name))
 
 

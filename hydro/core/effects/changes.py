@@ -17,18 +17,18 @@ from hydro.core.vehicle.thrusters import GAIN
 
 
 def in_current(vehicle: Vehicle, velocity: Array) -> Vehicle:
-    """Return a copy of a vehicle in water with an additional velocity.
+    """Return a copy of a vehicle in water that moves faster by a given velocity.
 
     Args:
         vehicle: The vehicle.
-        velocity: Velocity of the water, NED, (3,) [m/s].
+        velocity: Velocity that is added to the current of the file, NED, (3,) [m/s].
     """
     north, east, down = map(float, velocity)
     return _with(vehicle, {"name": "ocean_current", "v_N": north, "v_E": east, "v_D": down})
 
 
 def with_payload(vehicle: Vehicle, mass: float, weight: float, place: Sequence[float]) -> Vehicle:
-    """Return a copy of a vehicle with a payload.
+    """Return a copy of a vehicle with a payload added.
 
     Args:
         vehicle: The vehicle.

@@ -22,9 +22,9 @@ def effect_wrenches(
     t: ArrayLike,
     commands: ArrayLike | None = None,
 ) -> Array:
-    """Return the wrench ON the vehicle of all its effects of kind `wrench`, at every row of a motion.
+    """Return the wrench on the vehicle of all its effects of kind `wrench`, in every row of a motion.
 
-    It excludes added mass, which is in M and C, and thrust; a current acts through nu_r.
+    Added mass, which is in M and C, and thrust are excluded; a current acts through nu_r.
 
     Args:
         vehicle: The vehicle.
@@ -65,11 +65,12 @@ def effect_forces(
     t: ArrayLike,
     commands: ArrayLike | None = None,
 ) -> Array:
-    """Return the wrench ON the vehicle of all its effects except -I nu_dot, I their part of the mass matrix.
+    """Return the wrench on the vehicle of all its effects, except their inertia times the acceleration.
 
-    With `effect_wrenches` tau_e it is tau_e - C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms of
-    the inertia (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot by a current.  The other part, of a
-    current that varies with depth or time, is in tau_e.  M_RB and thrust are excluded.
+    With the wrench tau_e of `effect_wrenches` and the effects' part I of the mass matrix it is tau_e -
+    C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms of the inertia (Fossen 2011, theorem 3.2), and
+    the part of -I nu_r_dot that a current v_c causes.  The other part, of a current that varies with depth or
+    time, is in tau_e.  Rigid-body inertia and thrust are excluded.
 
     Args:
         vehicle: The vehicle.
@@ -98,12 +99,12 @@ def effect_forces(
 
 
 def through_water(flow: Array, eta: Array, nu: Array, t: ArrayLike) -> Array:
-    """Return the velocity of CO through the water, nu_r in body axes, (N, 6).
+    """Return the velocity of CO through the water, nu_r in body axes, (N, 6) [m/s, rad/s].
 
     Args:
         flow: Motion of the water, (7,) of `catalogue.current`.
-        eta: Pose, NED, (N, 6).
-        nu: Velocity over ground, (N, 6).
+        eta: Pose, NED, (N, 6) [m, rad].
+        nu: Velocity over ground, body axes, (N, 6) [m/s, rad/s].
         t: Times of the rows, (N,) [s].
     """
     water = np.tile(flow[:3], (len(eta), 1))

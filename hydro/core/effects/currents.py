@@ -42,7 +42,8 @@ def ocean_current(p: Array, flow: Array) -> None:
     v_c; 0] (the current is constant in the world and thus rotates in the body frame). A vehicle without
     thrust drifts with it.
 
-    Adds to `flow`; arguments as in `layout`.
+    Adds to `flow`, the motion of the water of `catalogue.current`, (7,), by the parameters `p`;
+    arguments as in `layout`.
     """
     flow[:3] += p
 
@@ -54,7 +55,8 @@ def current_shear(p: Array, flow: Array) -> None:
     current, which `ocean_current` represents.  With z_0 at the surface, the shear would act as a mean current
     in a recording at one depth.
 
-    Adds to `flow`; arguments as in `layout`.
+    Adds to `flow`, the motion of the water of `catalogue.current`, (7,), by the parameters `p`;
+    arguments as in `layout`.
     """
     flow[:2] -= p[:2] * p[2]
     flow[3:5] += p[:2]
@@ -64,11 +66,11 @@ def current_shear(p: Array, flow: Array) -> None:
 def quickened(
     north: float, east: float, down: float, c: Array, s: Array, tau: Array
 ) -> tuple[float, float, float]:
-    """Add to `tau` the wrench M_A [R^T v_c_dot; 0] of water that accelerates.
+    """Add to `tau` the wrench M_A [R^T v_c_dot; 0] of water that accelerates; return R^T v_c_dot.
 
-    It is the last term of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0].  It acts through the
-    added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
-    + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.
+    M_A is the added mass, R the rotation from body to NED, v_c_dot the water's acceleration, NED.  The wrench
+    belongs to the last term of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0].  It acts through
+    the added mass alone: a dry body obeys Newton's law over ground.
 
     Args:
         north: Acceleration of the water toward north [m/s^2].
@@ -97,7 +99,9 @@ def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: A
     The lift of a body in a flow with vorticity and the gradient over the hull are neglected.  The pressure of
     accelerating water, rho V (v_c grad) v_c, is zero for a horizontal current.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     down = ROTATION + 6
     sinking = s[down] * s[VELOCITY] + s[down + 1] * s[VELOCITY + 1] + s[down + 2] * s[VELOCITY + 2]
@@ -110,7 +114,8 @@ def current_trend(p: Array, flow: Array) -> None:
     It represents a tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time given
     in the file that no fit changes, like the depth z_0 of `current_shear`.
 
-    Adds to `flow`; arguments as in `layout`.
+    Adds to `flow`, the motion of the water of `catalogue.current`, (7,), by the parameters `p`;
+    arguments as in `layout`.
     """
     flow[:2] -= p[:2] * p[2]
     flow[5:] += p[:2]
@@ -125,7 +130,9 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
     coefficient 1 + C_A of Morison et al. 1950).  So a neutral vehicle at rest in the water stays at rest in
     it.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
     fx, fy, fz = quickened(p[0], p[1], 0.0, c, s, tau)
@@ -133,7 +140,7 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
 
 
 def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table]]:
-    """Return a function that proposes a reference depth or time: the median of a recording.
+    """Return a function that proposes a reference depth or time for a fit: the median of a recording.
 
     Args:
         name: Parameter, the reference depth z_0 or time t_0.
@@ -151,7 +158,7 @@ def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table
 
 
 def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible) -> tuple[Parameter, ...]:
-    """Return the two parameters for the gradient of the north and east current with depth or time.
+    """Return two `Parameter` records, for the gradients of the north and east current with depth or time.
 
     Args:
         names: First part of the parameters' names.
@@ -189,7 +196,7 @@ def current_sentence(case: Case) -> str:
 
 
 def shear_sentence(case: Case) -> str:
-    """Return a sentence that states the increase of the current per metre of depth."""
+    """Return a sentence that states by how much the current grows per metre of depth, and where it points."""
     now, old, clear = horizontal_change(case.one("g_N"), case.one("g_E"), "m/s")
     if not clear:
         return undetermined(case, "the gain of the current per metre of depth", now)
@@ -200,7 +207,7 @@ def shear_sentence(case: Case) -> str:
 
 
 def trend_sentence(case: Case) -> str:
-    """Return a sentence that states the increase of the current per minute."""
+    """Return a sentence that states by how much the current grows per minute, and where the change points."""
     now, old, clear = horizontal_change(case.one("a_N"), case.one("a_E"), "m/s", 60.0)
     if not clear:
         return undetermined(case, "the gain of the current per minute", now)

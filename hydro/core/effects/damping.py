@@ -75,7 +75,9 @@ def linear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     D_L is given by its diagonal or as a full matrix.  It does no positive work if its symmetric part is
     positive semi-definite.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     if p.size == 6:
         for i in range(6):
@@ -92,7 +94,9 @@ def quadratic(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
 
     In surge D_Q[0] = 1/2 rho C_d A with the frontal area A.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     for i in range(6):
         n = s[RELATIVE_VELOCITY + i]
@@ -106,7 +110,9 @@ def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
     A centre of lateral resistance aft of CO (x_c < 0) gives D[1,5] = D[5,1] = x_c D[1,1] < 0: a turn to
     starboard then drags to port at the stern.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     v, w = s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
     roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
@@ -125,7 +131,9 @@ def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     more drag in surge.  A cylinder across the flow has Y = -1/2 rho C_d A sqrt(v^2 + w^2) v, and these
     products approximate it.  With every D[i,j] >= 0, as here, it never does positive work.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     k = 0
     for i in range(6):
@@ -142,7 +150,9 @@ def power(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
     Friction of a laminar boundary layer has an exponent of 1.5, of a turbulent one 1.8.  Flutter and wave
     making have 2.5 and more.  D is the drag at 1 m/s and 1 rad/s, so that its unit does not depend on n.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     n = p[6]
     for i in range(6):
@@ -158,7 +168,9 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     The drag of a frame, a skid or a sonar causes pitch and yaw moments in straight motion: N per |v| v is -x
     d_y, M per |u| u is -z d_x and per |w| w is x d_z.  It does no positive work, as f . v_p <= 0.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     rx, ry, rz = p[3], p[4], p[5]
     u, v, w = moved_at(s, rx, ry, rz)
@@ -166,12 +178,12 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
 
 
 def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a component in a fit of linear damping.
+    """Return the minimum and maximum of one component in a fit of linear damping.
 
     A diagonal component keeps the total linear damping on its axis at least 0; others have no bounds.
 
     Args:
-        index: Place of the component: (axis,) in a diagonal, (row, column) in a matrix.
+        index: Index of the component: (axis,) in a diagonal, (row, column) in a matrix.
         rest: Inertia and damping of the vehicle without the fitted effect.
     """
     if len(set(index)) > 1:
@@ -180,19 +192,23 @@ def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a component in a fit of quadratic damping.
+    """Return the minimum and maximum of one component in a fit of quadratic damping.
 
     They keep the total quadratic damping on its axis at least 0.
 
     Args:
-        index: Place of the component, (axis,).
+        index: Index of the component, (axis,).
         rest: Inertia and damping of the vehicle without the fitted effect.
     """
     return -float(rest.quadratic[index[0]]), math.inf
 
 
 def raised_across(i: int) -> Plausible:
-    """Return the plausible range of a cross-axis drag on axis `i`, from 0 to the drag of the hull's box."""
+    """Return the plausible range of a cross-axis drag coefficient: 0 to the drag of the hull's box.
+
+    Args:
+        i: Axis of the drag, 0 to 5.
+    """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
         return 0.0, float(most_cross_drag(vehicle)[i])
@@ -201,7 +217,7 @@ def raised_across(i: int) -> Plausible:
 
 
 def at_powers(powers: Sequence[float]) -> Shapes:
-    """Return a function that yields one trial shape of `power_drag` for each given exponent.
+    """Return a function that yields trial shapes of `power_drag`, one for each given exponent.
 
     Each shape, a linear problem at a fixed exponent, has one column for the drag on each of the six axes.
 
@@ -212,7 +228,7 @@ def at_powers(powers: Sequence[float]) -> Shapes:
 
 
 def without_drag(n: float) -> Table:
-    """Return a new `power_drag` table with exponent `n` and zero coefficients."""
+    """Return a new `[[effect]]` table of `power_drag` with the exponent `n` and no drag."""
     return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
 
 
@@ -231,9 +247,9 @@ def nearest_plain(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
 
 
 def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return four `[[effect]]` tables of `offset_drag` from which fits start.
+    """Return four `[[effect]]` tables of `offset_drag`, the initial values of four fits.
 
-    Each has the same small drag, at a point ahead, astern, above or below CO.  The drag is not zero, because
+    All have the same small drag, at a point ahead, astern, above or below CO.  The drag is not zero, because
     the point of a zero drag has no influence on the motion.
 
     Args:

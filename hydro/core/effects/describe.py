@@ -12,7 +12,10 @@ AXES = ("X Y Z", "K M N")
 
 
 def describe(effect: Effect) -> dict[str, Any]:
-    """Return an effect's whole record as plain text and numbers, by their names; missing bounds are None."""
+    """Return the whole record of an effect as plain text and numbers, in a dict by name.
+
+    Missing bounds are None.
+    """
     return {
         "name": effect.name,
         "kind": effect.kind,
@@ -42,7 +45,11 @@ def describe(effect: Effect) -> dict[str, Any]:
 
 
 def unit(parameter: Parameter) -> str:
-    """Return the unit of a parameter as text, such as `N s/m`; of several units, each with its axes."""
+    """Return the unit of a parameter as text, such as `N s/m`.
+
+    If the components have several units, each unit is followed by its axes: `N s/m (X Y Z), N m s/rad
+    (K M N)`.
+    """
     units = parameter.unit
     if len(units) == 1:
         return units[0]
@@ -51,7 +58,7 @@ def unit(parameter: Parameter) -> str:
 
 
 def size(parameter: Parameter) -> str:
-    """Return the size of a parameter: `1`, `6 x 6`, `one per thruster`, `6 per rate`."""
+    """Return the size of a parameter as text: `1`, `6 x 6`, `one per thruster`, `6 per rate`."""
     counts = [str(n) for n in parameter.shape if isinstance(n, int)]
     each = [f"per {n.removesuffix('s')}" for n in parameter.shape if isinstance(n, str)]
     return " ".join([" x ".join(counts) or ("one" if each else "1"), *each])
@@ -73,7 +80,7 @@ def plausible(parameter: Parameter) -> str:
 
 
 def when_left_out(effect: Effect, parameter: Parameter) -> str:
-    """Return what a parameter means that a vehicle file leaves out: `0`, `must be given`, or the alternative.
+    """Return text for a parameter that a vehicle file omits: `0`, `must be given`, or the alternative.
 
     Args:
         effect: The effect.

@@ -71,7 +71,9 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
     `explain` tries this law for every file.  A diagnosis tries it only for a file without drag: it describes
     most hulls better than their files do, in any recording, and so would hide what has changed.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     a, b, h = 0.5 * c[HULL], 0.5 * c[HULL + 1], 0.5 * c[HULL + 2]
     front, side, bottom = FACE * b * h, SIDE * FACE * a * h, SIDE * FACE * a * b
@@ -114,10 +116,10 @@ def ellipsoid_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
 
 
 def at_the_center(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return a list of one `ellipsoid_drag` table from which a fit starts.
+    """Return one `[[effect]]` table of `ellipsoid_drag`, the initial values of a fit, in a list.
 
-    It is a typical drag about the hull's centre.  The drag is not zero, because the place of a zero drag has
-    influence on the motion.
+    They are a typical drag about the hull's centre.  The drag is not zero, because the place of a zero drag
+    has no influence on the motion.
 
     Args:
         vehicle: The vehicle, for the centre of its hull.
@@ -151,7 +153,7 @@ def coefficients_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[
 
 
 def nearest_damping(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
-    """Return the simpler effect nearest to an ellipsoid's drag: a list of one new `quadratic_damping` table.
+    """Return the simpler effect nearest to an ellipsoid's drag, as a list of one `quadratic_damping` table.
 
     Both have the same force in motion along or about a single axis.
 

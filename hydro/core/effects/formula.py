@@ -62,9 +62,12 @@ GRAMMAR = (
 def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench c_k prod |x|^a sgn(x)^s for every term k, on its axis.
 
-    A coefficient is the force or moment with every factor equal to 1: at 1 m/s or 1 rad/s, 1 m deep.
+    c_k is the coefficient, the product is over the factors x of the term, a and s are their exponents.  The
+    coefficient is the force or moment with every factor equal to 1: at 1 m/s or 1 rad/s, 1 m deep.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     terms = int(p[0])
     amounts = 1 + ROW * terms
@@ -95,7 +98,7 @@ def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 
 
 def parsed(term: Any, where: str = "formula") -> tuple[Array, int]:
-    """Parse a term of a formula.
+    """Return one term of a formula as numbers for the kernel, and the number of its free exponents.
 
     Args:
         term: Term as in a vehicle file, such as `Y |v|^1.4 v`.
@@ -190,7 +193,7 @@ def _other(key: str) -> str:
 
 
 def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[str, Any]:
-    """Return a new `[[effect]]` table of a formula with one term.
+    """Return a new `[[effect]]` table of a formula that has a single term.
 
     Args:
         term: Term as in a vehicle file, such as `Y |v|^1.4 v`.
@@ -202,7 +205,7 @@ def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[
 
 
 def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Return the terms of a formula, forces before moments.
+    """Return the terms of a formula with their numbers, forces before moments.
 
     Args:
         table: `[[effect]]` table of the formula.
@@ -236,9 +239,9 @@ def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def as_drag(force: bool) -> Plausible:
-    """Return the plausible range of a coefficient: the drag of the hull's box, or the weight if larger.
+    """Return the plausible range of a formula's coefficient: the hull's drag, or the weight if larger.
 
-    The drag is that at 1 m/s or 1 rad/s; either sign is allowed.
+    The drag is that of the hull's box at 1 m/s or 1 rad/s; either sign is allowed.
 
     Args:
         force: Whether the coefficient is of a force [N], otherwise of a moment [N m].

@@ -46,29 +46,29 @@ class Thrust(NamedTuple):
         return quantity(100.0 * self.share, error, "%")
 
     def differs(self, share: float) -> bool:
-        """Return whether the thrust differs significantly from a value.
+        """Return whether the thrust differs significantly from a given fraction of the file's thrust.
 
         The difference must exceed both CLEAR (2) standard errors and ALIKE (3 % of the file's thrust).
 
         Args:
-            share: The value, a fraction of the thrust in the vehicle file.
+            share: The fraction, 1 for the thrust in the vehicle file.
         """
         return abs(self.share - share) > max(ALIKE, CLEAR * self.error)
 
     def at(self, share: float) -> bool:
-        """Return whether the thrust is close enough to a value to be stated as that value.
+        """Return whether the thrust is close enough to a given fraction to be stated as that fraction.
 
         That is within NEAREST, or within CLOSE with CLEAR (2) standard errors added.
 
         Args:
-            share: The value, a fraction of the thrust in the vehicle file; 0 if dead, -1 if reversed.
+            share: The fraction of the thrust in the vehicle file; 0 if dead, -1 if reversed.
         """
         off = abs(self.share - share)
         return off <= NEAREST or off + CLEAR * self.error <= CLOSE
 
 
 def gains_sentence(case: Case) -> str:
-    """Return sentences on the fitted thrust of all thrusters, stated together or one by one."""
+    """Return text on the fitted thrust of all thrusters, stated together or one by one."""
     if "common" in case.values:
         return common_sentence(case)
     found, unknown = thrusts(case)
@@ -87,7 +87,7 @@ def gains_sentence(case: Case) -> str:
 
 
 def joined(clauses: Sequence[str]) -> str:
-    """Return one sentence of several clauses, joined by semicolons, with a full stop."""
+    """Return clauses joined by semicolons to one sentence, with a capital and a full stop."""
     return f"{capital('; '.join(clauses))}."
 
 
@@ -101,7 +101,7 @@ def not_determined(numbers: Sequence[int]) -> str:
 
 
 def common_sentence(case: Case) -> str:
-    """Return a sentence on the fitted gain that all thrusters have in common."""
+    """Return a sentence on the fitted gain that is common to all thrusters."""
     gain = case.one("common")
     before = mean([was for _, was in file_gains(case)])
     one = against(1, gain.value, gain.error, before)
@@ -113,12 +113,12 @@ def common_sentence(case: Case) -> str:
 
 
 def mean(numbers: Sequence[float]) -> float:
-    """Return the mean; 0 without numbers."""
+    """Return the mean of numbers; 0 without numbers."""
     return sum(numbers) / len(numbers) if numbers else 0.0
 
 
 def against(number_: int, gain: float, error: float, before: float) -> Thrust:
-    """Return the thrust of a thruster relative to the file's thrust.
+    """Return the fitted thrust of one thruster as a fraction of the file's thrust.
 
     Args:
         number_: Number of the thruster, from 1.
@@ -132,7 +132,7 @@ def against(number_: int, gain: float, error: float, before: float) -> Thrust:
 
 
 def file_gains(case: Case) -> list[tuple[int, float]]:
-    """Return the index (from 0) of each thruster with its gain in the vehicle file; servos are left out."""
+    """Return pairs of each thruster's index (from 0) and gain in the vehicle file, without servos."""
     count = len(case.vehicle.thruster)
     key = "common" if "common" in (case.before or {}) else "g"
     gains = case.of_file(key, (count,)).tolist()
@@ -140,7 +140,7 @@ def file_gains(case: Case) -> list[tuple[int, float]]:
 
 
 def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
-    """Return the thrusts that a log determines, and the numbers (from 1) of the other thrusters.
+    """Return the thrusts that a log determines, and the numbers (from 1) of all other thrusters.
 
     A gain with a standard error of 0 was held fixed, and counts as determined.
 
@@ -161,7 +161,7 @@ def thrusts(case: Case) -> tuple[list[Thrust], list[int]]:
 
 
 def statements(found: Sequence[Thrust], most: int, some_unknown: bool) -> list[str]:
-    """Return clauses on the thrust of thrusters: dead and reversed thrusters first, then the others.
+    """Return clauses on the thrust of thrusters: first on dead and reversed thrusters, then on all others.
 
     Args:
         found: Thrusts that the log determines.
@@ -200,12 +200,12 @@ def verb(some: Sequence[Thrust], one: str, several: str) -> str:
 
 
 def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: bool) -> list[str]:
-    """Return clauses on thrusters that push forward: deviating thrusters, and the common thrust of the rest.
+    """Return clauses on thrusters that push forward: each deviating one, and the common thrust of the rest.
 
     Args:
         forward: Thrusts, all positive.
         most: Maximum number of thrusters that are described one by one.
-        after: Whether clauses on other thrusters come before these clauses.
+        after: Whether the sentence has clauses on other thrusters before these clauses.
         some_unknown: Whether the log leaves the thrust of further thrusters undetermined.
     """
     middle, error = median(one.share for one in forward), median(one.error for one in forward)
@@ -226,18 +226,20 @@ def of_forward(forward: Sequence[Thrust], most: int, after: bool, some_unknown: 
 
 
 def besides(one: Thrust, middle: float) -> str:
-    """Return words that compare a thruster with the others: "thruster 3 another 35 % less".
+    """Return a clause that compares one thruster with all others, such as "thruster 3 another 35 % less".
 
     Args:
         one: The thruster.
-        middle: Common thrust of the others, a fraction of the thrust in the vehicle file.
+        middle: Common thrust of all others, a fraction of the thrust in the vehicle file.
     """
     percent = round(100.0 * (one.share / middle - 1.0))
     return f"thruster {one.number} another {abs(percent)} % {'less' if percent < 0 else 'more'}"
 
 
 def by_distance(some: Sequence[Thrust], share: float) -> list[Thrust]:
-    """Return thrusters in a new list, sorted by distance from a value in standard errors, the farthest first.
+    """Return a new list of thrusters, sorted by the distance of their thrust from a value, farthest first.
+
+    The distance is in standard errors.
 
     Args:
         some: The thrusters.
@@ -249,13 +251,13 @@ def by_distance(some: Sequence[Thrust], share: float) -> list[Thrust]:
 def one_by_one(
     odd: Sequence[Thrust], others: Sequence[Thrust], most: int, after: bool, some_unknown: bool
 ) -> list[str]:
-    """Return clauses on single deviating thrusters, and a clause with the range of all others.
+    """Return clauses on each of several deviating thrusters, and one clause with the range of all others.
 
     Args:
         odd: Thrusters whose thrust differs significantly from the file's.
         others: Thrusters whose thrust does not.
         most: Maximum number of thrusters that are described one by one.
-        after: Whether clauses on other thrusters come before these clauses.
+        after: Whether the sentence has clauses on other thrusters before these clauses.
         some_unknown: Whether the log leaves the thrust of further thrusters undetermined.
     """
     first, rest = by_distance(odd, 1.0)[:most], by_distance(odd, 1.0)[most:]
@@ -279,6 +281,6 @@ def one_by_one(
 
 
 def span(some: Sequence[Thrust]) -> str:
-    """Return the lowest and highest of several thrusts as text in percent, as in `98 to 102`."""
+    """Return the range of several thrusts in percent of the file's thrust as text, such as `98 to 102`."""
     low, high = (number(round(100.0 * end(one.share for one in some))) for end in (min, max))
     return low if low == high else f"{low} to {high}"

@@ -93,7 +93,9 @@ def crossflow_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
     int x dY and M = -int x dZ.  The integrals use the midpoint rule over 32 stations of a box of the hull's
     length L, width W and height H about its centre.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     length, width, height = c[HULL], c[HULL + 1], c[HULL + 2]
     step = length / SECTIONS
@@ -124,7 +126,9 @@ def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
     astern.  Its force is Y = -1/2 rho c_L A |u_r| (v_r + x r), its moment N = x Y: L = 1/2 rho c_L A [1, x;
     x, x^2].  In heave and pitch the sign of x changes: L = 1/2 rho c_L A [1, -x; -x, x^2].
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     speed = abs(s[RELATIVE_VELOCITY])
     v, w = s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
@@ -169,7 +173,9 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     lift slope of pi: a fin of another slope a appears a/pi times as large.  A fixed fin does no positive
     work, since its lift does none.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     driven = int(p[0])
     at = 1 + driven
@@ -215,7 +221,7 @@ def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict
 
 
 def keeps_crossflow(which: int) -> Limits:
-    """Return a function that gives the bounds of a fitted cross-flow coefficient.
+    """Return a function that gives the bounds of a fitted cross-flow drag coefficient.
 
     The bounds keep the sum of the fitted coefficient and the file's other coefficients at least 0.
 
@@ -230,7 +236,7 @@ def keeps_crossflow(which: int) -> Limits:
 
 
 def as_a_wing(i: int, j: int) -> Plausible:
-    """Return the plausible range of an entry of the matrix of lift coefficients, of either sign.
+    """Return the plausible range of one lift coefficient of `body_lift`, of either sign.
 
     The limit is the lift of a wing near CO as large as the hull's side or bottom.
 
@@ -255,9 +261,9 @@ def plain_area(vehicle: Vehicle) -> float:
 
 
 def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the least and greatest plausible area of a fin [m^2].
+    """Return the least (0) and greatest plausible area of a fin [m^2].
 
-    They are 0, and the area of the hull's side or bottom.
+    The greatest is the hull's side or bottom.
 
     Args:
         index: Not used.
@@ -267,10 +273,10 @@ def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return two `control_surface` tables from which fits start, a small elevator and a small rudder.
+    """Return two `[[effect]]` tables of `control_surface`, initial values of fits: an elevator and a rudder.
 
-    Both are at the stern.  The area is not zero, because the place of a fin without area has no influence on
-    motion.
+    Both are small fins at the stern.  The area is not zero, because the place of a fin without area has no
+    influence on the motion.
 
     Args:
         vehicle: The vehicle, for the length of its hull.
@@ -302,7 +308,7 @@ def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
 
 
 def idle_servos(vehicle: Vehicle) -> list[str]:
-    """Return the names (`c7`) of the servo commands that no effect of the vehicle file uses."""
+    """Return the names, such as `c7`, of the servo commands that no effect of the vehicle file uses."""
     written = (table.get(key, ()) for table in vehicle.effect for key in ("commands", "forces", "moments"))
     obeyed = set(re.findall(r"\bc\d+\b", " ".join(itertools.chain.from_iterable(written))))
     commands = zip(COMMAND_NAMES, vehicle.thruster, strict=False)
@@ -389,16 +395,16 @@ UPRIGHT = 15.0
 
 
 def named_fin(name: str) -> str:
-    """Return the words for a fin in the vehicle file: `the rudder` for `control_surface:rudder`."""
+    """Return words for a fin of the file: `the rudder` for `control_surface:rudder`, else `the fin`."""
     label = name.partition(APART)[2]
     return f"the {label.replace('_', ' ')}" if label and not label.isdecimal() else "the fin"
 
 
 def stopped(turn: Quantity) -> bool:
-    """Return whether a fin follows its command by less than STOPPED of the travel in the vehicle file.
+    """Return whether a fin follows its command by less than STOPPED times the travel in the vehicle file.
 
     Args:
-        turn: Deflection of the fin for a full command.
+        turn: Fitted deflection of the fin for a full command, with that of the file.
     """
     return turn.clear and abs(turn.value) < STOPPED * abs(turn.before)
 

@@ -44,7 +44,7 @@ def symmetric_or_diagonal(p: Array, matrix: Array) -> None:
     A body with three planes of symmetry has a diagonal M_A; a full one must be symmetric, as it is in
     potential flow (Newman 1977, section 4.14).
 
-    Adds to `matrix`; arguments as in `layout`.
+    Adds to `matrix`, the mass matrix about CO, (6, 6), by the parameters `p`; arguments as in `layout`.
     """
     matrix += np.diag(p) if p.size == 6 else p.reshape(6, 6)
 
@@ -55,7 +55,7 @@ def couplings(p: Array, matrix: Array) -> None:
     Sway-yaw (1,5) and heave-pitch (2,4) occur for a hull without fore-aft symmetry.  Surge-pitch (0,4) and
     sway-roll (1,3) occur without top-bottom symmetry, surge-heave (0,2) without both.
 
-    Adds to `matrix`; arguments as in `layout`.
+    Adds to `matrix`, the mass matrix about CO, (6, 6), by the parameters `p`; arguments as in `layout`.
     """
     for value, (i, j) in zip(p, COUPLED, strict=True):
         matrix[i, j] += value
@@ -71,7 +71,9 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     (M_A[0,0] - M_A[1,1]) u_r v_r: negative, thus destabilising, for u_r, v_r > 0 and M_A[1,1] > M_A[0,0].
     It does no work for any kappa.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     u, v, w = s[RELATIVE_VELOCITY], s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
     q0, q1, q2 = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
@@ -94,12 +96,12 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a component in a fit of added mass.
+    """Return the minimum and maximum of one component in a fit of added mass.
 
     A diagonal component keeps the total added mass on its axis at least 0; others have no bounds.
 
     Args:
-        index: Place of the component: (axis,) in a diagonal, (row, column) in a matrix.
+        index: Index of the component: (axis,) in a diagonal, (row, column) in a matrix.
         rest: Inertia and damping of the vehicle without the fitted effect.
     """
     if len(set(index)) > 1:
@@ -108,7 +110,7 @@ def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def coriolis_sentence(case: Case) -> str:
-    """Return a sentence that compares the Coriolis forces of the added mass with those that M_A implies."""
+    """Return a sentence on the fitted Coriolis force of the added mass, in percent of its theory."""
     share = case.one("kappa").times(100.0)
     subject = "the Coriolis force of the added mass (Munk moment)"
     if not share.clear:

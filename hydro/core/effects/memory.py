@@ -41,7 +41,9 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
     sum of exponentials, in state-space form.  Steady motion has a x = nu_r and no force, so that damping
     contains the steady part.  For K >= 0 it is passive, with the storage 1/2 a K x^2.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     rates = p.size // 7
     for k in range(rates):
@@ -54,7 +56,10 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
 
 @kernel
 def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
-    """Set `x` to nu_r/a, its value in steady motion; arguments as in `layout`."""
+    """Set the internal states `x` to nu_r/a, their value in steady motion at the velocity nu_r.
+
+    a is the decay rate; arguments as in `layout`.
+    """
     rates = p.size // 7
     for k in range(rates):
         for i in range(6):
@@ -62,12 +67,12 @@ def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
 
 
 def states(p: Array) -> int:
-    """Return the number of internal states for packed parameters `p`: six for each decay rate."""
+    """Return the number of internal states of fluid memory from its parameters `p`: six per decay rate."""
     return 6 * (p.size // 7)
 
 
 def at_rates(rates: Sequence[float]) -> Shapes:
-    """Return a function that yields one trial shape of `fluid_memory` for each given decay rate.
+    """Return a function that yields trial shapes of `fluid_memory`, one for each given decay rate.
 
     Each shape, a linear problem at a fixed rate, has one column for the strength on each of the six axes.
 
@@ -83,7 +88,7 @@ def at_rates(rates: Sequence[float]) -> Shapes:
 
 
 def absent(rate: float) -> Table:
-    """Return a new `fluid_memory` table with one decay rate [1/s] and zero strength."""
+    """Return a new `[[effect]]` table of `fluid_memory` with one decay rate [1/s] and zero strength."""
     return {"name": FLUID_MEMORY.name, "K": [[0.0] * 6], "rates": [rate]}
 
 
@@ -98,19 +103,19 @@ def up_to_quickest(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the least (0) and greatest plausible strength K of the fluid memory.
+    """Return the least (0) and greatest plausible strength K of the fluid memory on one axis.
 
     In slow motion K acts as an added mass K/a, with the decay rate a.
 
     Args:
-        index: Place of the component, the axis (0 to 5) as last entry.
+        index: Index of the component, with the axis (0 to 5) as last entry.
         vehicle: The vehicle, for its greatest plausible added mass.
     """
     return 0.0, float(most_added(vehicle)[index[-1]]) * RATES[-1]
 
 
 def memory_sentence(case: Case) -> str:
-    """Return a sentence that states the strength on each axis and the decay time."""
+    """Return a sentence that states the strength of the fluid memory on each axis and its decay time."""
     rates = case.many("rates", (rates_of(case),))
     strengths = case.many("K", (len(rates), 6))
     entries = []
@@ -129,7 +134,7 @@ def memory_sentence(case: Case) -> str:
 
 
 def rates_of(case: Case) -> int:
-    """Return the number of decay rates in the fitted table, or else in the vehicle file's."""
+    """Return the number of decay rates of the fluid memory, as fitted or else as in the vehicle file."""
     given = case.values.get("rates", (case.before or {}).get("rates", (0.0,)))
     return len(given) if hasattr(given, "__len__") else 1
 

@@ -45,7 +45,7 @@ UNCLEAR = ("not determined by this log.", "does not differ clearly from the file
 
 
 class Entry(NamedTuple):
-    """Component of an effect with the words that describe it.
+    """Component (one number) of an effect, with the words that describe it.
 
     Attributes:
         label: Full name of the component, such as `heave drag`.
@@ -61,10 +61,12 @@ class Entry(NamedTuple):
 
 
 def undetermined(case: Case, subject: str, value: str) -> str:
-    """Return a sentence that a log does not determine a value, or shows no difference from the file's value.
+    """Return a sentence for a value that the log does not determine.
+
+    If the vehicle file has the effect, the sentence states that the value does not differ from the file's.
 
     Args:
-        case: Values of the effect; the second statement is for an effect that the vehicle file has.
+        case: Values of the effect.
         subject: Name of the undetermined quantity.
         value: Estimate in words.
     """
@@ -75,18 +77,18 @@ def undetermined(case: Case, subject: str, value: str) -> str:
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
-    """Return components in a new list, sorted by the difference from the file, the largest first.
+    """Return a new list of components, sorted by the difference from the file's value, the largest first.
 
-    The difference is first compared in standard errors, then in size.
+    Differences are compared in standard errors, then in size.
     """
     return sorted(entries, key=lambda one: (one.quantity.deviations, abs(one.quantity.change)), reverse=True)
 
 
 def shortened(render: Callable[[int], str], most: int = MOST_ENTRIES) -> str:
-    """Return the sentence with as many components as fit into `LONGEST` characters, at least one.
+    """Return the sentence with as many components as fit into `LONGEST` characters, at least one component.
 
     Args:
-        render: Returns the sentence with a given number of components.
+        render: Function from a number of components to the sentence with so many components.
         most: Maximum number of components.
     """
     return first_that_fits(render(count) for count in range(most, 0, -1))
@@ -102,13 +104,13 @@ def first_that_fits(sentences: Iterable[str]) -> str:
 
 
 def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], str]) -> str:
-    """Return a sentence that lists components, the most significant ones with their standard errors.
+    """Return a sentence that lists components, the most significant components with their standard errors.
 
     Args:
         clear: Components, the most significant first.
-        brief: Whether only the first component is written, and the others are counted.
-        render: Returns the sentence for a number of components with standard errors; its second argument says
-            whether the other components are written (True) or only counted.
+        brief: Whether only the first component is written, and all others are counted.
+        render: Function that returns the sentence.  Arguments: the number of components with standard errors,
+            and whether all other components are written (True) or only counted.
     """
     if brief:
         return render(1, False)
@@ -119,10 +121,13 @@ def listing(clear: Sequence[Entry], brief: bool, render: Callable[[int, bool], s
 
 
 def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
-    """Return a sentence on the components of an effect: those the file lacks, or those that differ.
+    """Return a sentence on the components of an effect.
+
+    If the file has the effect, the sentence compares its values with the file's; else it states what the file
+    lacks.
 
     Args:
-        case: The values.
+        case: Values of the effect.
         noun: Name of the force or inertia, as in `quadratic damping`.
         entries: All components.
     """
@@ -154,17 +159,17 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
 
 
 def valued(entry: Entry) -> str:
-    """Return text with the value of a component, its unit, standard error and place."""
+    """Return the value of a component as text, with its error and words: `3 N s/m (±1) in heave`."""
     return f"{entry.quantity.text(entry.unit)} {entry.part}".strip()
 
 
 def without_error(entry: Entry) -> str:
-    """Return text with the value of a component, its unit and place, but without its standard error."""
+    """Return the value of a component as text, with unit and words: `3 N s/m in heave`."""
     return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
 
 
 def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
-    """Return a sentence on differences from the file: "Heave drag is 1.3 times the file's value (…)".
+    """Return a sentence on the difference from the file: "Heave drag is 1.3 times the file's value (…)".
 
     Args:
         noun: Name of the force or inertia.
@@ -194,7 +199,7 @@ def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
 
 
 def more(left: int, noun: str = "") -> list[str]:
-    """Return a list of one item, words such as `3 more values`, for omitted components.
+    """Return words for omitted components, such as `3 more values`, as a list of one item.
 
     Args:
         left: Number of omitted components; the list is empty for 0.
@@ -204,7 +209,7 @@ def more(left: int, noun: str = "") -> list[str]:
 
 
 def against_file(entry: Entry, first: bool) -> str:
-    """Return words that compare a component with the file: by the ratio if it is simple, else by both values.
+    """Return words that compare a component with its value in the file, as a simple ratio or as both values.
 
     Args:
         entry: The component.
@@ -228,7 +233,7 @@ def against_file(entry: Entry, first: bool) -> str:
 
 
 def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
-    """Return the coordinates of a point of the body [m], FRD, as components for a comparison with the file.
+    """Return three components: the coordinates of a point of the body [m], FRD, with words that name them.
 
     Args:
         whose: Name of the point's owner, such as `the DVL's`.
@@ -241,7 +246,7 @@ def coordinates(whose: str, point: Sequence[Quantity]) -> list[Entry]:
 def diagonal(
     noun: str, label: str, units: tuple[str, str, str], symmetric: bool = False, key: str = "diagonal"
 ) -> Sentence:
-    """Return the function that states an effect given by six diagonal entries or by a full 6x6 matrix.
+    """Return the sentence function of an effect given by six diagonal entries or by a full 6x6 matrix.
 
     Args:
         noun: Name of the force or inertia, as in `quadratic damping`.
@@ -267,7 +272,7 @@ def diagonal(
 def of_matrix(
     case: Case, label: str, units: tuple[str, str, str], symmetric: bool, key: str = "diagonal"
 ) -> list[Entry]:
-    """Return the components of a 6x6 matrix, each with its value in the vehicle file.
+    """Return the components of a 6x6 matrix as a list, each with its value in the vehicle file.
 
     Args:
         case: Values of the effect; both fit and file may give `matrix` or only the diagonal.
@@ -290,7 +295,7 @@ def of_matrix(
 
 
 def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sentence:
-    """Return the function that states an effect whose parameters are single named coefficients.
+    """Return the sentence function of an effect whose parameters are single named coefficients.
 
     Args:
         noun: Name of the force or inertia, as in `coupled damping`.
@@ -306,7 +311,7 @@ def coefficients(noun: str, named: Sequence[tuple[str, str, str, str]]) -> Sente
 
 
 def force_per_speed(i: int, j: int) -> str:
-    """Return words for the force on axis i per velocity on axis j, as in `yaw moment per sway speed`."""
+    """Return words for the force on axis i per velocity on axis j, such as `yaw moment per sway speed`."""
     force, speed = "moment" if i >= 3 else "force", "rate" if j >= 3 else "speed"
     return f"{AXES[i]} {force} per {AXES[j]} {speed}"
 
@@ -337,7 +342,7 @@ def along_body(changes: Sequence[Quantity], unit: str, least: float) -> list[str
 
 
 def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> Sentence:
-    """Return the function that states how far a point is from its place in the file.
+    """Return the sentence function for a point of the body: how far it is from its place in the file.
 
     Args:
         point: Name of the point.
@@ -359,11 +364,11 @@ def displaced(point: str, verb: str, keys: Sequence[str] | str, where: str) -> S
 
 
 def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]) -> Sentence:
-    """Return the function that states a parameter that is added to a value of the vehicle, with its sign.
+    """Return the sentence function for a parameter that is added to a value of the vehicle, with its sign.
 
     Args:
         key: Name of the parameter.
-        unit: Unit in which the parameter is written; `%` for a share of 1.
+        unit: Unit in which the parameter is written; `%` for a fraction.
         subject: Name of the parameter, for a log that does not determine it.
         words: The sentence without its full stop, with `{change}` and `{side}`.
         sides: Words for more and for less than in the file.
@@ -380,11 +385,11 @@ def beyond(key: str, unit: str, subject: str, words: str, sides: tuple[str, str]
 
 
 def horizontal(north: Quantity, east: Quantity) -> Quantity:
-    """Return the length of a horizontal vector with its standard error, and the length in the file.
+    """Return the length of a horizontal vector with its standard error, and the length in the vehicle file.
 
     Args:
         north: Component toward north: fitted value, standard error and the file's value.
-        east: Component toward east.
+        east: Component toward east, likewise.
     """
     length, before = math.hypot(north.value, east.value), math.hypot(north.before, east.before)
     if not length:
@@ -408,7 +413,7 @@ def toward(size: str, north: float, east: float) -> str:
 def horizontal_change(
     north: Quantity, east: Quantity, unit: str, factor: float = 1.0
 ) -> tuple[str, str, bool]:
-    """Return words for a fitted horizontal vector and for the file's, and whether they clearly differ.
+    """Return words for a fitted horizontal vector, for the file's, and whether they clearly differ.
 
     Args:
         north: Component toward north.

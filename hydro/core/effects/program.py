@@ -50,7 +50,7 @@ DISPATCHED = tuple(effect for effect in CATALOGUE.values() if effect.kernel is n
 
 @dataclass(frozen=True)
 class Program:
-    """Compiled vehicle.
+    """Compiled vehicle: all its numbers in one vector, which the compiled functions (kernels) read.
 
     Attributes:
         flat: All numbers of the vehicle, a contiguous float64 vector, the input of the kernels.
@@ -108,11 +108,11 @@ def in_sea(program: Program, harmonics: Array) -> Program:
 
 
 def with_thrusters(program: Program, rows: Array) -> Program:
-    """Return a new program with further thrusters, after those of the given program.
+    """Return a new program with additional thrusters, after those of the given program.
 
     Args:
         program: Program of a vehicle in a calm sea; it is not changed.
-        rows: Rows of the thruster table, (n, COLUMNS), as in `vehicle.thrusters`.
+        rows: Constants of the n additional thrusters, (n, COLUMNS), as in `vehicle.thrusters`.
     """
     flat = np.concatenate([program.flat, rows.ravel()])
     flat[THRUSTER_COUNT] += len(rows)
@@ -139,7 +139,7 @@ def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Ar
 
 
 def waves(vehicle: Vehicle, listed: Sequence[Entry], seeds: Sequence[int]) -> Array:
-    """Draw the harmonics of a random sea, one per row, (H, COMPONENT); no rows without wave effects.
+    """Return random harmonics of a sea, one per row, (H, COMPONENT); no rows without wave effects.
 
     Args:
         vehicle: Vehicle file.
@@ -192,8 +192,8 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
     """Return the difference of two vehicles as two programs: added effects, and removed effects.
 
     Args:
-        flat: Program of the first vehicle.
-        other: Program of the second vehicle.
+        flat: All numbers of the first vehicle, `Program.flat`.
+        other: All numbers of the second vehicle.
 
     Returns:
         The effects that only the second vehicle has, and those that only the first one has; None if the
@@ -213,12 +213,12 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
 
 
 def remembering(flat: Array) -> Array:
-    """Return a new program with those effects of a program that have internal states.
+    """Return a new program that has only those effects of a given program that have internal states.
 
     Their states evolve as in the whole program.
 
     Args:
-        flat: All numbers of the whole program, `Program.flat`.
+        flat: All numbers of the given program, `Program.flat`.
     """
     return _program(flat, [(row, p) for row, p in _effects(flat) if row[3] != row[4]], 0.0)
 
@@ -287,10 +287,10 @@ def thrusters_of(flat: Array) -> Array:
 
 @within
 def relative_to_water(flat: Array, s: Array) -> None:
-    """Compute nu_r = nu - [R^T v_c(z, t); 0] and write it to the state of motion `s`.
+    """Compute the velocity through the water, nu_r = nu - [R^T v_c(z, t); 0], and write it to `s`.
 
-    The velocity, rotation, depth and time are read from `s`.  With waves the gradients of the water's
-    are written to `s` too.
+    R is the rotation from body to NED, v_c the water's velocity at the depth z and time t.  The velocity nu,
+    R, z and t are read from `s`.  With waves, the gradients of the water's velocity are written to `s` too.
 
     Args:
         flat: All numbers of a program, `Program.flat`.
@@ -322,7 +322,7 @@ def relative_to_water(flat: Array, s: Array) -> None:
 
 @kernel
 def heed(commands: Array, s: Array) -> None:
-    """Write the thruster commands of one row of a log into the state of motion `s`.
+    """Write the thruster commands of one row of a log to the state of motion `s`.
 
     Args:
         commands: Commands, (n,); at most MOST_COMMANDS of them are written.

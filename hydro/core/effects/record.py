@@ -26,15 +26,15 @@ Harmonics = Callable[[Array, float, Array], Array]
 Index = tuple[int, ...]
 Table = dict[str, Any]
 
-CALLED = re.compile(r"\n\n(Adds to|Changes) `\w+`; arguments as in `layout`\.$")
-"""Last line of the docstring of an effect's function, which is for readers of the code alone."""
+CALLED = re.compile(r"\n\n(Adds to|Changes) `\w+`[,;] .*arguments as in `layout`\.$", re.DOTALL)
+"""Last paragraph of the docstring of an effect's function, which is for readers of the code alone."""
 BOOKKEEPING = frozenset({"name", "label", "standard_error", "fit", "known"})
 """Keys of an `[[effect]]` table that are not parameters: notes of a fit, and known values."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """Inertia and damping of a vehicle without the fitted effects: bounds of negative fitted values.
+    """Inertia and damping of a vehicle without the fitted effects, from which bounds of fitted values follow.
 
     Attributes:
         vehicle: The vehicle, its thrusters and hull.
@@ -99,7 +99,11 @@ class Parameter:
             dimension(unit)
 
     def unit_at(self, index: Index) -> str:
-        """Return the unit of the component of the parameter at a given index."""
+        """Return the unit of one component of the parameter.
+
+        Args:
+            index: Index of the component in the parameter's array; () for a number.
+        """
         return self.unit[self._part(index)]
 
     def scale_at(self, index: Index, vehicle: Vehicle) -> float:
@@ -201,7 +205,7 @@ class Identification:
 
     @property
     def linear(self) -> bool:
-        """Whether the effect is linear in all parameters, so that one column for each suffices."""
+        """Whether the effect is linear in all parameters: a regression then has one column for each."""
         return self.coarse is None
 
 
@@ -222,7 +226,7 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice to the user after an effect was found.
+    """Advice to the user about an effect that a diagnosis found.
 
     Attributes:
         parted_by: Motions of `core.effects.parting` that separate the effect from similar ones.
@@ -331,7 +335,7 @@ class Effect:
 
     @property
     def is_written(self) -> bool:
-        """Whether a vehicle file must give the effect's form in words; no search can try the effect."""
+        """Whether a vehicle file must give a part of the effect as text; no search can try such an effect."""
         return any(not words.optional for words in self.words)
 
     @property
@@ -340,9 +344,7 @@ class Effect:
         return self.harmonics is not None
 
     def known(self, table: Mapping[str, Any]) -> frozenset[str]:
-        """Return the names of the parameters that an `[[effect]]` table marks as known.
-
-        A fit does not change them.
+        """Return the names of the parameters that an `[[effect]]` table marks as known: no fit changes them.
 
         Args:
             table: The table, with `known = true` for all parameters, or a list of names.
@@ -352,7 +354,7 @@ class Effect:
         return frozenset(every if held is True else held or ())
 
     def written(self, table: Mapping[str, Any]) -> Table:
-        """Return the entries of an `[[effect]]` table that are lists of texts."""
+        """Return those entries of an `[[effect]]` table that are lists of texts, such as formula terms."""
         return {words.name: table[words.name] for words in self.words if words.name in table}
 
     def wholly_known(self, table: Mapping[str, Any]) -> bool:
@@ -362,14 +364,14 @@ class Effect:
 
     @property
     def description(self) -> str:
-        """Docstring of the effect's equation, without the last line on the calling convention."""
+        """Docstring of the function with the effect's equation, without the paragraph on its arguments."""
         for function in (self.kernel, self.inertia, self.flow, self.actuator, self.sensor):
             if function is not None:
                 return CALLED.sub("", inspect.getdoc(function) or "")
         raise TypeError(f"effect {self.name} has no defining function")
 
     def pack(self, table: Mapping[str, Any], *, thrusters: int, where: str = "effect") -> Array:
-        """Return the parameters of an `[[effect]]` table as one vector.
+        """Return the parameters of an `[[effect]]` table as one vector of numbers.
 
         Args:
             table: The table as read from TOML.
@@ -377,7 +379,7 @@ class Effect:
             where: Path of the table, for errors.
 
         Returns:
-            The parameters in order, matrices row by row; a missing scalar or vector is 0.
+            The parameters in the order of the record, matrices row by row; a missing scalar or vector is 0.
 
         Raises:
             DataError: A key is unknown or missing, a size is wrong, a number is out of bounds or not finite,

@@ -66,7 +66,7 @@ def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, floa
 
 @kernel
 def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: Array) -> None:
-    """Add the wrench of a force at a point of the body to `tau`.
+    """Add to `tau` the wrench about CO of a force that acts at a point of the body.
 
     Args:
         fx: Force forward, in body axes [N].
@@ -87,7 +87,7 @@ def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: 
 
 @kernel
 def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) -> None:
-    """Add the wrench of a vertical force at a point of the body to `tau`.
+    """Add to `tau` the wrench about CO of a vertical force that acts at a point of the body.
 
     Args:
         s: State of motion, as in `layout`.
@@ -104,7 +104,9 @@ def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) 
 def net_buoyancy(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Force dB upward in the world at the centre of buoyancy: wrong ballast, or water of another density.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     at = CENTER_OF_BUOYANCY
     push_down(s, -p[0], c[at], c[at + 1], c[at + 2], tau)
@@ -117,7 +119,9 @@ def buoyancy_offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     Lowering the centre of buoyancy (dz > 0) reduces stability: the righting moment at a roll phi changes by
     +B dz sin(phi).
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     push_down(s, -c[BUOYANCY], p[0], p[1], p[2], tau)
     push_down(s, c[BUOYANCY], 0.0, 0.0, 0.0, tau)
@@ -129,7 +133,9 @@ def payload(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 
     w is weight minus buoyancy, so m enters only M (about CO, with its Coriolis terms), not the force.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     push_down(s, p[0], p[1], p[2], p[3], tau)
 
@@ -137,7 +143,7 @@ def payload(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
 def point_mass(p: Array, matrix: Array) -> None:
     """Inertia of the payload: m [I, -S(r); S(r), -S(r)^2], Fossen (2011) eq. 3.44 for a point mass.
 
-    Adds to `matrix`; arguments as in `layout`.
+    Adds to `matrix`, the mass matrix about CO, (6, 6), by the parameters `p`; arguments as in `layout`.
     """
     x, y, z, mass = p[1:5]
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -155,7 +161,9 @@ def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arr
     liquid: it reduces the slope of the righting moment by g S/tilt, and damps.  Its stored energy is g (tilt
     int artanh(x/S) dx - x d).
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     for i in range(2):
         dx[i] = (p[i] * math.tanh(s[ROTATION + 6 + i] / p[2]) - x[i]) / p[3]
@@ -164,7 +172,7 @@ def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arr
 
 @kernel
 def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> None:
-    """Add the moment of weight that moved within the body to `tau`.
+    """Add to `tau` the moment of weight that has moved within the body.
 
     Args:
         gravity: Acceleration of gravity [m/s^2].
@@ -179,23 +187,28 @@ def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> Non
 
 @kernel
 def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
-    """Set `x` to S tanh(d/tilt), its value at a steady tilt; arguments as in `layout`."""
+    """Set the internal states `x` to S tanh(d/tilt), the place of sliding ballast at rest.
+
+    S is the ballast's mass times travel, d the world's down direction in body axes, `tilt` a parameter;
+    arguments as in `layout`.
+    """
     for i in range(2):
         x[i] = p[i] * math.tanh(s[ROTATION + 6 + i] / p[2])
 
 
 def loose(tilt: float, lag: float) -> Table:
-    """Return a new `drifting_ballast` table with zero mass, a tilt [rad] and a lag [s]."""
+    """Return a new `[[effect]]` table of `drifting_ballast` with zero mass, a tilt [rad] and a lag [s]."""
     return {"name": DRIFTING_BALLAST.name, "S": [0.0, 0.0], "tilt": tilt, "T": lag}
 
 
 def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
-    """Return a function that yields one trial shape of `drifting_ballast` for each pair of tilt and lag.
+    """Return a function that yields trial shapes of `drifting_ballast`, one for each pair of tilt and lag.
 
     Each shape is a linear problem with one column for each direction of sliding, surge and sway.
 
     Args:
-        tilts: Values [rad] of the parameter `tilt` in the ballast's steady place S tanh(d/tilt).
+        tilts: Values [rad] of the parameter `tilt` in the ballast's steady place S tanh(d/tilt), with its
+            mass times travel S and the world's down d in body axes.
         lags: Time constants of the sliding [s].
     """
 
@@ -228,12 +241,12 @@ def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-    """Return the least (0) and greatest plausible sliding ballast, mass times travel [kg m].
+    """Return the least (0) and greatest plausible sliding ballast, as mass times travel [kg m].
 
     The greatest is a fifth of the vehicle's mass, moved from the middle of the hull to its end.
 
     Args:
-        index: Place of the component, the direction of sliding as last entry: 0 along surge, 1 along sway.
+        index: Index of the component, with the direction of sliding as last entry: 0 for surge, 1 for sway.
         vehicle: The vehicle, for its mass and hull.
     """
     hull = vehicle.hull
@@ -241,9 +254,7 @@ def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a coordinate of a payload's place [m].
-
-    They are two hull lengths on either side of CO.
+    """Return the bounds of a coordinate of a payload in a fit [m]: two hull lengths to either side of CO.
 
     Args:
         index: Not used.
@@ -253,7 +264,7 @@ def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return two tables of `payload` from which fits start: a small weight, and a small lift, at CO.
+    """Return two `[[effect]]` tables of `payload`, initial values of fits: a weight, and a lift, at CO.
 
     The weight is not zero, because the place of a payload without weight has no influence on the motion.
 
@@ -325,7 +336,7 @@ def in_water(force: float, error: float, vehicle: Vehicle) -> str:
 
 
 def buoyancy_sentence(case: Case) -> str:
-    """Return a sentence that states the difference of the vehicle's weight in water from the file."""
+    """Return a sentence that states by how much the vehicle is lighter or heavier than in the file."""
     lift = case.one("dB")
     if not lift.clear:
         return undetermined(case, "the added buoyancy", lift.text("N"))
@@ -353,7 +364,7 @@ def payload_sentence(case: Case) -> str:
 
 
 def ballast_sentence(case: Case) -> str:
-    """Return a sentence that states the mass, tilt and lag of sliding ballast."""
+    """Return a sentence that states the mass times travel, tilt and lag of sliding ballast."""
     slides = list(zip(("surge", "sway"), case.many("S", (2,)), strict=True))
     tilt, lag = case.one("tilt").times(180.0 / math.pi), case.one("T")
     if case.in_file:

@@ -52,33 +52,37 @@ DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s
 
 
 def sensor_scale(p: Array, log: Array) -> None:
-    """Reading (1 + s) v, one s for all axes or three: an error of the speed of sound.
+    """Reading (1 + s) v of the velocity v, with one scale error s or three: a wrong speed of sound.
 
-    Changes `log`; arguments as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[SCALE] += p
 
 
 def sensor_misalignment(p: Array, log: Array) -> None:
-    """Reading R(alpha)^T v: the DVL is rotated by roll, pitch, yaw alpha (ZYX) against the body.
+    """Reading R(alpha)^T v of the velocity v: the DVL is rotated by roll, pitch, yaw alpha (ZYX).
 
-    Changes `log`; arguments as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[ANGLES] += p
 
 
 def sensor_delay(p: Array, log: Array) -> None:
-    """Reading of the time t - d, stamped t: averaging and transmission.
+    """Reading of the time t - d, stamped t, with the delay d: averaging and transmission.
 
-    Changes `log`; arguments as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[DELAY] += p[0]
 
 
 def sensor_lever_arm(p: Array, log: Array) -> None:
-    """Reading v + omega x r: the DVL is at r from its assumed place.
+    """Reading v + omega x r of the velocity v: the DVL is at the lever arm r from its assumed place.
 
-    Changes `log`; arguments as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[LEVER] += p
 
@@ -86,15 +90,17 @@ def sensor_lever_arm(p: Array, log: Array) -> None:
 def reference_point(p: Array, log: Array) -> None:
     """Reading v + omega x r and position + R r: both are those of a point r of the body, not of CO.
 
-    Changes `log`; arguments as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[POINT] += p
 
 
 def sensor_bias(p: Array, log: Array) -> None:
-    """Reading v + b, constant in the DVL's axes.
+    """Reading v + b of the velocity v, with a constant bias b in the DVL's axes.
 
-    Changes `log`; arguments as in `layout`.
+    Changes `log`, the vector of DVL errors of `core.effects.sensor`, (16,), by the parameters `p`;
+    arguments as in `layout`.
     """
     log[BIAS] += p
 
@@ -144,7 +150,9 @@ def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def logged_position(log: Array, states: Array) -> Array:
-    """Return states with the position of CO replaced by that of the logged reference point.
+    """Return states with the position of CO replaced by that of the logged reference point, (..., 13).
+
+    The states themselves are returned if CO is the reference point.
 
     Args:
         log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
@@ -154,9 +162,10 @@ def logged_position(log: Array, states: Array) -> Array:
 
 
 def true_position(log: Array, states: Array) -> Array:
-    """Return new states with the position of the logged reference point replaced by that of CO.
+    """Return states with the position of the logged reference point replaced by that of CO, (..., 13).
 
-    It is the inverse of `logged_position`.
+    The function is the inverse of `logged_position`.  The states themselves are returned if CO is the
+    reference point.
 
     Args:
         log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
@@ -166,7 +175,9 @@ def true_position(log: Array, states: Array) -> Array:
 
 
 def logged_pose(log: Array, eta: Array) -> Array:
-    """Return new poses with the position of CO replaced by that of the logged reference point.
+    """Return poses with the position of CO replaced by that of the logged reference point, (..., 6).
+
+    The poses themselves are returned if CO is the reference point.
 
     Args:
         log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
@@ -176,7 +187,9 @@ def logged_pose(log: Array, eta: Array) -> Array:
 
 
 def true_pose(log: Array, eta: Array) -> Array:
-    """Return new poses with the position of the logged reference point replaced by that of CO.
+    """Return poses with the position of the logged reference point replaced by that of CO, (..., 6).
+
+    The poses themselves are returned if CO is the reference point.
 
     Args:
         log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
@@ -186,16 +199,13 @@ def true_pose(log: Array, eta: Array) -> Array:
 
 
 def logged_shift(log: Array, quaternion: Array, deviations: Array) -> Array:
-    """Return the small changes of the logged position that small changes of the motion cause.
+    """Return the changes of the logged position [m] that small changes of the motion cause, (..., 3, Q).
 
     Args:
         log: DVL errors and reference point from `catalogue.velocity_log`, (16,).
         quaternion: Attitude, (..., 4).
         deviations: Q changes of the motion, (..., 6 or more, Q): rows 0 to 2 the position of CO [m], rows 3
             to 5 a small rotation about the body's axes [rad].
-
-    Returns:
-        Changes of the position, (..., 3, Q).
     """
     turn = np.cross(deviations[..., 3:6, :].swapaxes(-1, -2), log[POINT])
     moved = _rotated(quaternion[..., None, :], turn).swapaxes(-1, -2)
@@ -303,7 +313,7 @@ def scale_sentence(case: Case) -> str:
 
 
 def scales(case: Case) -> list[Quantity]:
-    """Return the scale errors of the three axes, also where fit or file give one number for all."""
+    """Return the scale errors of the DVL on three axes, also where one number holds for all axes."""
     form = "axes" if "axes" in case.values or "s" not in case.values else "s"
     old = "axes" if "axes" in (case.before or {}) else "s"
     before = case.of_file(old, (3,)).tolist()

@@ -52,7 +52,7 @@ def sentence(
 
 
 def generic(effect: Effect, case: Case) -> str:
-    """Return a sentence on an effect that has no sentence function, by its parameters' meanings and units."""
+    """Return a sentence on an effect without a sentence function, from its parameters' meanings."""
     noun = effect.name.replace("_", " ")
     given = [one for one in effect.parameters if one.name in case.values or one.name not in effect.one_of]
     by_axis = len(given) == 1 and given[0].shape == (6,)
@@ -61,7 +61,7 @@ def generic(effect: Effect, case: Case) -> str:
 
 
 def entries_of(parameter: Parameter, case: Case, noun: str) -> list[Entry]:
-    """Return the components of a parameter with words for each.
+    """Return the components of one parameter, each with the words that describe it.
 
     Args:
         parameter: The parameter.

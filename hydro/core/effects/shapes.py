@@ -1,4 +1,4 @@
-"""Shapes of an effect: linear in one parameter with the others held, or changed by a finite size.
+"""Trial shapes of an effect: linear in one parameter with all others held, or changed by a finite size.
 
 A derivative at zero shows nothing of a threshold: no command lies within a dead band of zero width.  A change
 by an expected size is an informative column, so some such sizes are tried.
@@ -24,7 +24,7 @@ LEAST, MOST = 0.5, 1.5
 
 
 def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) -> Shape:
-    """Return a trial shape, a linear problem with one column for each component of a parameter.
+    """Return a trial shape of an effect, a linear problem with one column for each component of a parameter.
 
     Args:
         effect: The effect.
@@ -49,7 +49,7 @@ def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) 
 
 
 def of_sizes(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
-    """Return a function that yields one trial shape of an effect for each trial value of its only parameter.
+    """Return a function that yields trial shapes of an effect, one for each value of its only parameter.
 
     A shape is a linear problem, here of one column.  A coefficient of 1 means that the parameter has the
     trial value.
@@ -58,8 +58,8 @@ def of_sizes(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> S
         name: The effect.
         parameter: Name of its only parameter.
         room: Function from a vehicle to the parameter's admissible range.  A negative minimum, and half of
-            it, are also tried.
-        sizes: Other trial values, none of them 0; those outside the range are skipped.
+            that minimum, are also tried.
+        sizes: Other trial values, not 0; those outside the range are skipped.
     """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:

@@ -13,10 +13,11 @@ SPEED = 1.5
 
 
 def servo_wrenches(vehicle: Vehicle, speed: float = SPEED) -> Array:
-    """Return the wrench that each servo causes at full deflection in straight motion ahead, (6, n) [N, N m].
+    """Return the wrench of each servo at full deflection in straight motion ahead, (6, n) [N, N m].
 
-    It is half the difference of the effects' wrenches at the commands 1 and -1, so that fixed deflections and
-    drag cancel.  Columns are the n thrusters and servos of the file; those of thrusters are 0.
+    A wrench is half the difference of the effects' wrenches at the commands 1 and -1, so that fixed
+    deflections and drag cancel.  Columns are the n thrusters and servos of the file; those of thrusters are
+    0.
 
     Args:
         vehicle: The vehicle.

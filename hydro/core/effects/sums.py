@@ -16,7 +16,7 @@ EIGENVALUE_TOLERANCE = 1e-9
 
 
 def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
-    """Check each effect of a vehicle, and the sums over all its effects.
+    """Check each effect of a vehicle, and the sums over all its effects, such as the total damping.
 
     Args:
         vehicle: The vehicle.

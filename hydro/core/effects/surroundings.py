@@ -46,9 +46,12 @@ LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Pull k max(0, distance - slack) at the attachment toward the anchor, straight, massless, undamped.
 
-    It is the negative gradient of 1/2 k max(0, distance - slack)^2, so it conserves energy.
+    k is the stiffness, the distance that from attachment to anchor.  The pull is the negative gradient of 1/2
+    k max(0, distance - slack)^2, so it conserves energy.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     stiffness, slack = p[0], p[1]
     ax, ay, az = p[2], p[3], p[4]
@@ -72,7 +75,9 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     A hull that moves close below a free surface is drawn toward it, more strongly at smaller depth (an
     empirical law).
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     force = p[0] * math.exp(-max(s[POSITION + 2], 0.0) / p[1])
     at = CENTER_OF_BUOYANCY
@@ -80,7 +85,7 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
 
 
 def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
-    """Return the minimum and maximum of a coordinate of the tether's attachment [m]: a hull length from CO.
+    """Return the bounds of a coordinate of a tether's attachment in a fit [m]: a hull length from CO.
 
     Args:
         index: Not used.
@@ -90,10 +95,10 @@ def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """Return tables of `tether` from which fits start.
+    """Return `[[effect]]` tables of `tether`, initial values of fits.
 
-    Anchors are in the middle of the recorded track, at its first row and at its edges.  For each anchor one
-    is always taut, and one is taut only on the far half of the track.
+    Anchors are in the middle of the recorded track, at its first row and at its edges.  Each anchor has two
+    tables: one cable is always taut, the other only on the far half of the track.
 
     Args:
         vehicle: The vehicle, whose weight sets the stiffness.
@@ -142,7 +147,7 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield a trial shape of `tether` for each anchor and slack of `cables`.
+    """Yield trial shapes of `tether`, one for each anchor and slack of `cables`.
 
     A shape is a linear problem with four columns: the stiffness k, and k times the attachment's three
     coordinates.
@@ -167,7 +172,7 @@ def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 
 def steady_pull(force: float, way: Array, attachment: Array) -> Table:
-    """Return a new table of a tether whose anchor is so far away that its pull is the same everywhere.
+    """Return a new `[[effect]]` table of a tether whose anchor is so far away that its pull is constant.
 
     Args:
         force: Pull [N].
@@ -198,14 +203,14 @@ def shallow_to_deep(index: Index, rest: Rest) -> tuple[float, float]:
 
 
 def absent(decay: float) -> Table:
-    """Return a new `surface_suction` table with zero force and a decay depth [m]."""
+    """Return a new `[[effect]]` table of `surface_suction` with zero force and a given decay depth [m]."""
     return {"name": SURFACE_SUCTION.name, "A": 0.0, "decay": decay}
 
 
 def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield a trial shape of `surface_suction`, a linear problem, for each decay depth of DECAYS.
+    """Yield trial shapes of `surface_suction`, one for each decay depth of DECAYS.
 
-    Each shape has one column, the force at the surface.
+    Each shape is a linear problem with one column, the force at the surface.
 
     Args:
         vehicle: The vehicle.
@@ -275,7 +280,7 @@ def fixed_point(point: Sequence[Quantity]) -> str:
 
 
 def suction_sentence(case: Case) -> str:
-    """Return a sentence that states the force at the surface and its decay depth."""
+    """Return a sentence that states the suction force at the surface and its decay depth."""
     force, decay = case.one("A"), case.one("decay")
     if case.in_file:
         entries = [

@@ -20,7 +20,14 @@ Size = float | Callable[[Vehicle], float]
 
 
 class Dimension(NamedTuple):
-    """Powers of kg, m, s and rad."""
+    """Dimension of a unit as powers of the base units.
+
+    Attributes:
+        mass: Power of kg.
+        length: Power of m.
+        time: Power of s.
+        angle: Power of rad.
+    """
 
     mass: int = 0
     length: int = 0
@@ -82,25 +89,26 @@ def plain_size(unit: str, vehicle: Vehicle) -> float:
 
 
 def of_mass(share: float) -> Size:
-    """Return a function from a vehicle to `share` times its mass [kg]."""
+    """Return a function from a vehicle to a size [kg], `share` times the vehicle's mass."""
     return lambda vehicle: share * _inertia(0, vehicle)
 
 
 def of_mixed(share: float) -> Size:
-    """Return a function from a vehicle to `share` times sqrt(m J), m its mass, J its mean moment of inertia.
+    """Return a function from a vehicle to a size [kg m], `share` times sqrt(m J).
 
-    This is the significant size of couplings between a force and a moment.
+    m is the vehicle's mass, J its mean moment of inertia.  This is the significant size of couplings between
+    a force and a moment.
     """
     return lambda vehicle: share * _inertia(1, vehicle)
 
 
 def of_moment(share: float) -> Size:
-    """Return a function from a vehicle to `share` times its mean moment of inertia [kg m^2]."""
+    """Return a function from a vehicle to a size [kg m^2], `share` times its mean moment of inertia."""
     return lambda vehicle: share * _inertia(2, vehicle)
 
 
 def of_weight(share: float) -> Callable[[Vehicle], float]:
-    """Return a function from a vehicle to `share` times its weight [N]."""
+    """Return a function from a vehicle to a size [N], `share` times the vehicle's weight."""
     return lambda vehicle: share * vehicle.rigid_body.mass * vehicle.environment.gravity
 
 

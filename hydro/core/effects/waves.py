@@ -56,11 +56,11 @@ FINE = 4000  # number of frequencies in the integral of a spectrum
 
 
 def elevation_spectrum(omega: ArrayLike, height: float, period: float, peak: float) -> Array:
-    """Return the one-sided spectrum of the sea surface elevation, S(omega) [m^2 s].
+    """Return the one-sided spectrum of the sea surface elevation, S(omega) [m^2 s], in the shape of `omega`.
 
     It is the JONSWAP spectrum (Hasselmann et al. 1973) with the peak enhancement 1 + peak.  Its integral over
     the frequencies of BAND is (height/4)^2.  A peak of 0 gives a fully developed sea (Pierson and Moskowitz),
-    a large one gives swell.
+    a large peak gives swell.
 
     Args:
         omega: Frequencies [rad/s], above 0, any shape.
@@ -114,13 +114,13 @@ def harmonics(p: Array, gravity: float, places: Array) -> Array:
 
 
 def drawn(rows: Callable[[Array], Array], rng: np.random.Generator) -> Array:
-    """Draw a random sea: harmonics of random frequency and Gaussian amplitudes, (COMPONENTS, COMPONENT).
+    """Return a random sea: harmonics of random frequency and Gaussian amplitudes, (COMPONENTS, COMPONENT).
 
     Waves then form groups as at sea (Tucker, Challenor and Carter 1984), and never repeat.
 
     Args:
         rows: Function from positions within the bands, in [0, 1], to harmonics, as `harmonics` returns.
-        rng: Source of random numbers.
+        rng: Generator of random numbers.
     """
     sea = rows(rng.random(COMPONENTS))
     sea[:, 2:4] *= rng.standard_normal((COMPONENTS, 2))
@@ -128,12 +128,15 @@ def drawn(rows: Callable[[Array], Array], rng: np.random.Generator) -> Array:
 
 
 def calm(p: Array, flow: Array) -> None:
-    """Add nothing: the mean motion of the water in waves is zero."""
+    """Leave `flow` unchanged: the mean motion of the water in waves is zero.
+
+    The function stands in the record of the waves, which needs a `flow` function.
+    """
 
 
 @kernel
 def orbits(sea: Array, s: Array) -> tuple[float, float, float]:
-    """Return the velocity of the water in waves [m/s], NED, at the vehicle's depth and time.
+    """Return the velocity of the water in waves [m/s], north, east and down, at the vehicle's depth and time.
 
     Args:
         sea: Harmonics, row after row, as `harmonics` returns.
@@ -173,7 +176,9 @@ def swung(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None
     wrench is zero.  Changes of the water's motion along the wave are neglected: over the hull, and in
     second-order pressure.
 
-    Adds to `tau`; arguments as in `layout`.
+    Adds to `tau`, the wrench on the vehicle about CO, (6,) [N, N m].  `p` are the effect's parameters, `c`
+    constants of the vehicle, `s` its state of motion, `x` and `dx` internal states and their rates;
+    arguments as in `layout`.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
     sinking = through = 0.0

@@ -39,7 +39,7 @@ def superscript(unit: str) -> str:
 
 
 def decimals(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> int:
-    """Return the decimals for rounding a value: one digit of its error, or three digits of the value.
+    """Return the number of decimals for a value: one digit of its error, or three digits of the value.
 
     Args:
         value: Value.
@@ -63,7 +63,7 @@ def plain(value: float, places: int) -> str:
 
 
 def number(value: float, error: float = math.nan, most: int = MOST_DIGITS) -> str:
-    """Return a value as text, rounded to its standard error, or to `most` digits if that is unknown.
+    """Return a value as text, rounded to its standard error, or to `most` digits if the error is unknown.
 
     Args:
         value: The value.
@@ -89,7 +89,7 @@ def uncertainty(value: float, error: float, most: int = MOST_DIGITS) -> str:
 
 
 def quantity(value: float, error: float = math.nan, unit: str = "") -> str:
-    """Return text with a value, its unit and standard error: `0.25 m/s (±0.01)`, `65 % (±2)`, `3.0° (±0.2)`.
+    """Return a value with unit and standard error as text: `0.25 m/s (±0.01)`, `65 % (±2)`, `3.0° (±0.2)`.
 
     Args:
         value: The value, in `unit`.
@@ -107,12 +107,12 @@ def without_uncertainty(text: str) -> str:
 
 
 def capital(text: str) -> str:
-    """Return a sentence that begins with a capital letter."""
+    """Return `text` with its first letter as a capital."""
     return text[:1].upper() + text[1:]
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return words joined by commas, the last by `and`."""
+    """Return words as one text, joined by commas and, before the last word, by `and`."""
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
@@ -165,7 +165,7 @@ def sides(x: float, y: float, z: float) -> tuple[str, str, str]:
 def place(
     point: Sequence[float], errors: Sequence[float] = (math.nan,) * 3, origin: str = "the origin"
 ) -> str:
-    """Return words for a point of the body: `0.22 m forward, 0.10 m below the origin`.
+    """Return words for the place of a point of the body: `0.22 m forward, 0.10 m below the origin`.
 
     Args:
         point: x y z from the body origin [m], FRD.

@@ -25,7 +25,7 @@ ALONE = 3.0  # ratio of a DVL's yaw to its roll and pitch above which it may be 
 
 
 def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
-    """Return a remark that a delay of up to one sample is a convention of the log; else None.
+    """Return a remark if a fitted delay is at most one sample: it may be a convention of the log; else None.
 
     Args:
         parameters: Parameters of the finding, with the delay `d` [s].

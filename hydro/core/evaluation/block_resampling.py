@@ -18,11 +18,11 @@ INTERVAL = (2.5, 97.5)
 
 
 def block_sums(values: Array, size: int) -> Array:
-    """Return the sums of each column over blocks of consecutive rows, (B, K).
+    """Return the sum of each of K columns over each of B blocks of consecutive rows, (B, K).
 
     Args:
         values: Values of K columns in N rows, (N, K).
-        size: Rows of a block; the last of the B blocks may be shorter.
+        size: Rows of a block; the last block may be shorter.
     """
     sums: Array = np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
     return sums
@@ -43,9 +43,9 @@ def draws(blocks: int, seed: int) -> Array:
 
 
 def redrawn(sums: Array, seed: int) -> Array:
-    """Return the sums over SAMPLES bootstrap resamples of B blocks, shape (SAMPLES, K).
+    """Return the sums of K quantities over each of SAMPLES bootstrap resamples of B blocks, (SAMPLES, K).
 
-    Resamples are drawn one by one, because a table of all draws would be large with many blocks.
+    A resample contains B blocks, drawn with replacement.
 
     Args:
         sums: Sums of K quantities over each block, (B, K).

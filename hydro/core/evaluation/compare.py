@@ -56,7 +56,7 @@ def compare(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
-    """Return a comparison of a vehicle's predictions with a recording, as a table.
+    """Return a table of a vehicle's errors on a recording, in force and in predictions.
 
     Args:
         vehicle: Vehicle file.
@@ -141,7 +141,12 @@ class _Lines:
         self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)
 
     def of(self, found: Sequence[Family], *, whole: bool = True) -> Iterator[Line]:
-        """Yield the rows of all data together and of every condition of families of conditions."""
+        """Yield the rows of a comparison table, for all data and for every condition of the families.
+
+        Args:
+            found: Families of conditions, such as the directions of turns.
+            whole: Whether to include the rows for all data together.
+        """
         misfit = self.misfit
         if whole:
             everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
@@ -155,7 +160,12 @@ class _Lines:
             yield from self._family(family)
 
     def place(self, place: failure_regimes.Place, rank: int | None) -> Line:
-        """Return the row of the table for one place on one axis, with its rank."""
+        """Return the row of the comparison table for one condition on one axis.
+
+        Args:
+            place: Condition with its axis and its share of the unexplained error.
+            rank: Rank of the condition; None without a rank.
+        """
         family = Family("place", (place.words,), np.where(place.met, 0, -1), doing=False)
         line = next(line for line in self._family(family) if line["axis"] == self.misfit.axes[place.axis])
         return line | {"share": place.share, "rank": rank}

@@ -41,13 +41,13 @@ MOST_PLACES = 12
 
 @dataclass(frozen=True)
 class Place:
-    """Condition in which a model fails, on one axis.
+    """Condition, such as "while turning left", in which a model has a large error on one axis.
 
     Attributes:
-        words: Description in words, such as "while turning left".
+        words: Description in words.
         axis: Number of the axis.
         met: Mask of P pieces of time in which the condition is met, (P,).
-        share: Share of all unexplained error that lies in this place and in no place listed earlier.
+        share: Fraction of all unexplained error that lies in this place and in no place listed earlier.
     """
 
     words: str
@@ -105,12 +105,12 @@ def _share(place: Place) -> float:
 
 
 def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
-    """Return by the words of each place the mask of the P pieces of time in which the place is met, (P,).
+    """Return, by the words of each condition, a mask of the P pieces of time in which it is met, (P,).
 
     Args:
-        wanted: Words of the places, such as "while turning left".
-        families: Families of conditions.  A place whose words match no condition, or pair of conditions, of
-            these families is left out.
+        wanted: Words of the conditions, such as "while turning left".
+        families: Families of conditions.  Words that match no condition, or pair of conditions, of these
+            families are left out.
     """
     tried, found = list(conditions(families)), dict[str, Mask]()
     free = [c for c in tried if not c.family.alone]
@@ -124,7 +124,7 @@ def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
 
 
 def named(several: Sequence[Condition]) -> str:
-    """Return words for conditions that hold together: "while turning left at speeds below 1 m/s"."""
+    """Return one phrase for conditions that hold together: "while turning left at speeds below 1 m/s"."""
     return phrase([(c.words, c.family.doing) for c in several])
 
 
@@ -160,14 +160,14 @@ class _Search:
         return np.array([np.maximum(values[half].sum(axis=0), 0.0) for half in self.halves])
 
     def forget(self, axis: int) -> None:
-        """Discard the result of an axis whose remaining error has changed."""
+        """Discard the stored result of an axis, since the remaining error on the axis has changed."""
         self.known.pop(axis, None)
 
     def best(self, left: Array) -> tuple[int, tuple[Condition, ...]] | None:
-        """Return axis and conditions of the place with the best quality; None if no place stands out.
+        """Return axis and conditions of the place that stands out most; None if no place stands out.
 
         Args:
-            left: Unexplained error of pieces and axes that no place contains yet, (P, A).
+            left: Unexplained error of P pieces of time on A axes that no place contains yet, (P, A).
         """
         if not self.tried:
             return None

@@ -48,10 +48,10 @@ def force(
     seed: int,
     weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit, Family]:
-    """Return sums, over pieces of time, of the squared wrench that a model lacks in a recording.
+    """Return the squared wrench that a model lacks in a recording, summed over pieces of time.
 
     Args:
-        model: Model.
+        model: Compiled vehicle.
         record: Recording.
         motion: Smoothed motion of the recording.
         pieces: Pieces of time over which squares are summed.
@@ -59,9 +59,11 @@ def force(
         weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
-        Sums of squares of the wrench below the frequency FASTEST [N^2, N^2 m^2], for P pieces.  The same for
-        each of the frequency BANDS: P pieces of the first band, then P of the next.  The family of conditions
-        that names the band of each of these pieces.
+        Three objects.  Sums of squares of the wrench below the frequency FASTEST [N^2, N^2 m^2], for P
+        pieces.
+        The same for each of the frequency BANDS: P pieces of the first band, then P of the next.  The family
+            of
+        conditions that names the band of each of these pieces.
     """
     rng = np.random.default_rng(seed)
     found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
@@ -140,14 +142,15 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
 
 
 def drawn_between(noise: Array, record: Recording) -> Array:
-    """Return simulated noise in which rows without a sample are interpolated, as for slow sensors.
+    """Return noise as it appears in a recording whose slow sensors are interpolated between samples.
 
     Args:
-        noise: Noise of 12 channels in N rows, (N, 12); it is not changed.
+        noise: White noise of 12 channels in N rows, (N, 12); it is not changed.
         record: Recording, for the rows with a sample of each channel.
 
     Returns:
-        Noise, (N, 12); 0 for a channel without a sample in its segment.
+        Noise, (N, 12): `noise` in rows with a sample, interpolated between them; 0 for a channel without a
+        sample in its segment.
     """
     if record.seen is None:
         return noise

@@ -43,7 +43,7 @@ WIDEST_POWER = 1.5
 
 
 def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None) -> pl.DataFrame:
-    """Estimate the powers by which the force of the water grows with velocities.
+    """Estimate the exponents with which the water's force on a hull grows with each velocity.
 
     Args:
         vehicle: The vehicle; rigid body, weight, thrusters, added mass and current of its file are used.

@@ -57,7 +57,7 @@ Line = dict[str, Any]
 def leftover(
     vehicles: Mapping[int, Vehicle], raw: pl.DataFrame, record: Recording | None = None
 ) -> pl.DataFrame:
-    """Return the mean force residual in bins of velocity, and the files' force curves.
+    """Return the mean force that vehicle files do not explain, in bins of velocity, and force curves.
 
     Args:
         vehicles: Vehicle files, by the number of the step of `hydro explain` that made each file.  The first
@@ -67,10 +67,10 @@ def leftover(
         record: Cleaned recording as arrays; by default the table as it was logged.
 
     Returns:
-        The leftover table: `step`, `axis` of the force, `against` which velocity (through the water according
-        to the file, at CO in body axes), and `velocity` [m/s, rad/s].  A bin has the mean residual `force`
-        [N, N m], its 95 % interval `low` to `high` (null with fewer than two effective `blocks`) and its
-        `rows`.  Rows without `force` are points of the curve.  `model` is the force that the file exerts at
+        A table with `step`, `axis` of the force, `against` which velocity (through the water according to the
+        file, at CO in body axes), and `velocity` [m/s, rad/s].  A row with a bin has the mean residual
+        `force` [N, N m], its 95 % interval `low` to `high` (null with fewer than two effective `blocks`) and
+        its `rows`.  Rows without `force` are points of the curve: `model` is the force that the file gives at
         that velocity, steady, level and deep, at rest in all other axes.  `unit` is that of the forces,
         `velocity_unit` that of the velocity.
 
@@ -98,7 +98,7 @@ def leftover(
 
 
 def with_samples(record: Recording) -> Mask:
-    """Return the mask of N rows with a sample of attitude and velocity, (N,).
+    """Return a mask of the rows that have a sample of attitude and of velocity, (N,).
 
     Raises:
         DataError: A channel of attitude or velocity has samples in fewer than SAMPLED of the rows.
@@ -134,13 +134,13 @@ def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
 
 @dataclass(frozen=True)
 class Means:
-    """Means of force residual and velocity over P pieces of a fifth of a second.
+    """Means of residual force and velocity over P pieces of a fifth of a second.
 
     Attributes:
-        force: Force residual on the vehicle, (P, 6) [N, N m].
+        force: Force on the vehicle that the file does not explain, (P, 6) [N, N m].
         velocity: Velocity through the water, (P, 6) [m/s, rad/s].
         rows: Number of rows with samples, (P,).
-        block: Block of each piece, (P,).
+        block: Number of the block of pieces that holds each piece, (P,).
     """
 
     force: Array
@@ -181,7 +181,7 @@ class Means:
         return code
 
     def explained(self, axis: int, against: int) -> float:
-        """Return the fraction of the variance of a force that bins of a velocity explain.
+        """Return the fraction of a force's variance that its means over bins of a velocity explain.
 
         Args:
             axis: Axis of the force, 0 to 5 for X to N.
@@ -195,7 +195,7 @@ class Means:
         """Return the pairs of a force axis (0 to 5) and a velocity component (0 to 5) to show.
 
         Each force is shown against the velocity on its own axis, and also against another velocity that
-        clearly more of the force's variance.
+        explains clearly more of the force's variance.
         """
         pairs = [(axis, axis) for axis in range(6)]
         for axis in range(6):
@@ -234,12 +234,12 @@ def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[
 
 
 def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
-    """Return the mean of P values with its interval; errors are correlated within blocks.
+    """Return the mean of P values with a 95 % interval that allows for correlation within blocks.
 
     Args:
         values: Values, (P,).
         rows: Weight of each value, (P,).
-        block: Block of each value, (P,).
+        block: Number of the block of each value, (P,).
 
     Returns:
         The mean; half the width of its 95 % interval, None with fewer than two effective blocks; and the
@@ -257,7 +257,7 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
 
 
 def stands_out(bins: pl.DataFrame) -> pl.Series:
-    """Return a mask of the bins whose force differs from zero, one value for each row.
+    """Return whether the mean force of each bin differs significantly from zero, one value for each row.
 
     The family-wise error rate over all rows is 5 % (Bonferroni).
 
@@ -272,14 +272,14 @@ def stands_out(bins: pl.DataFrame) -> pl.Series:
 
 
 def steady_force(program: Program, speeds: Array, against: int) -> Array:
-    """Return the force of the water on a level vehicle, deep and in steady motion along one axis.
+    """Return the force of the water on a level vehicle, deep and in steady motion along or about one axis.
 
-    It is the sum of the effects of the vehicle file, with steady internal states, and -C_A(nu_r) nu_r, minus
-    their values at rest.
+    It is the sum of the effects of the vehicle file, with steady internal states, and -C_A(nu_r) nu_r
+    (Coriolis force of the added mass), minus their values at rest.
 
     Args:
         program: Compiled vehicle.
-        speeds: K velocities through the water along the axis, (K,) [m/s, rad/s].
+        speeds: K velocities through the water on the axis, (K,) [m/s, rad/s].
         against: Number of the axis, 0 to 5; the vehicle is at rest in all other axes.
 
     Returns:

@@ -19,7 +19,9 @@ from hydro.core.evaluation.block_resampling import interval, redrawn
 
 
 class Sums(NamedTuple):
-    """Sums over rows, from which all error measures follow; arrays (..., 6), except `rows` (..., 1).
+    """Sums over rows, from which all error measures follow, on six axes.
+
+    Arrays have the shape (..., 6), except `rows` (..., 1); leading dimensions are blocks or resamples.
 
     Attributes:
         rows: Number of rows.
@@ -37,7 +39,13 @@ class Sums(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """Model, dataset and variant to which errors belong: columns of every row of a metrics table."""
+    """Subject of errors: the columns that are the same in all rows of its part of a metrics table.
+
+    Attributes:
+        model: Name of the model.
+        dataset: Name of the recording.
+        variant: Name of a regime of motion or of a way of computing; empty for none.
+    """
 
     model: str
     dataset: str
@@ -58,7 +66,7 @@ def measure(
     Args:
         truth: Measured values in N rows, (N, 6).
         predicted: Predicted values, (N, 6).
-        blocks: Block of each row, (N,): ids or numbers; see `consecutive`.
+        blocks: Name or number of the block that holds each row, (N,), for the bootstrap; see `consecutive`.
         subject: Model, dataset and variant, which every row of the result names.
         axes: Names of the axes, columns whose units `hydro.core.columns` knows.
         seed: Seed of the bootstrap.

@@ -47,7 +47,7 @@ class Misfit:
 
     @property
     def numbers(self) -> Array:
-        """Number of samples of each piece and axis, (P, A)."""
+        """Number of compared samples in each piece of time on each axis, (P, A)."""
         if self.counts is not None:
             return self.counts
         return np.repeat(self.rows[:, None], len(self.units), axis=1)
@@ -57,7 +57,7 @@ def counted(values: Array, seen: Mask | None) -> Array:
     """Return values with 0 where there is no sample, (N, C); the argument is not changed.
 
     Args:
-        values: Values of C channels in N rows, (N, C).
+        values: Values of C channels in N rows, (N, C); returned themselves if every value is a sample.
         seen: Mask of the samples, (N, C); None if every value is a sample.
     """
     return values if seen is None else values * seen

@@ -18,7 +18,7 @@ from hydro.core.vehicle.description import Vehicle
 def place_times(
     comparison: pl.DataFrame, vehicle: Vehicle, record: Recording, sessions: Sequence[str]
 ) -> dict[str, Rows]:
-    """Return the rows in which each ranked condition (place) of a comparison is met.
+    """Return the stretches of a recording in which each ranked condition of a comparison is met.
 
     Args:
         comparison: Comparison table, see `evaluation.compare`.
@@ -27,9 +27,8 @@ def place_times(
         sessions: Name of each segment's session.
 
     Returns:
-        By the words of each place, the K stretches of the recording in which the place is met, the longest
-        first, (K, 2): first row, and row after the last.  Places that are no condition, such as "in
-        all other motion", are left out.
+        By the words of each condition, such as "while turning left", its K stretches, the longest first, (K,
+        2): first row, and row after the last.  "In all other motion", which is no condition, is left out.
     """
     wanted = set(comparison.filter(pl.col("rank").is_not_null())["place"].unique().to_list())
     motion, pieces = Motion.of(record), Pieces.of(record)

@@ -64,7 +64,7 @@ class Pieces:
 
     @classmethod
     def of(cls, record: Recording) -> Pieces:
-        """Cut a recording into pieces of a fifth of a second, and into blocks of many pieces."""
+        """Return a recording cut into pieces of a fifth of a second, and into blocks of many pieces."""
         rows = max(round(PIECE_SECONDS / record.dt), 1)
         length = min(BLOCK_SECONDS, record.rows * record.dt / LEAST_DRAWN)
         within = max(round(length / (rows * record.dt)), 1)
@@ -167,7 +167,11 @@ def families(
 
 
 def conditions(found: Sequence[Family]) -> Iterator[Condition]:
-    """Yield all conditions of families and their unions, except those that no piece of time meets."""
+    """Yield all conditions of families, and all unions of conditions, that some piece of time meets.
+
+    Args:
+        found: The families.
+    """
     for family in found:
         single = tuple((words, (code,)) for code, words in enumerate(family.words))
         for words, codes in single + family.unions:
@@ -180,7 +184,7 @@ def phrase(several: Sequence[tuple[str, bool]]) -> str:
     """Return several conditions as one phrase, such as "while turning left at speeds below 1 m/s".
 
     Args:
-        several: Words of each condition, and whether they name an activity.
+        several: Pairs of the words of a condition, and whether the words name an activity.
     """
     doing = [words for words, is_doing in several if is_doing]
     being = [words for words, is_doing in several if not is_doing]

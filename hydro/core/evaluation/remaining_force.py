@@ -44,7 +44,7 @@ class Leftover:
     powers: tuple[float | None, ...] = (None,) * len(VELOCITY)
 
     def words(self) -> str:
-        """Return a phrase with the wrench's main axis, its place and its growth with speed."""
+        """Return a phrase with the missing wrench's main axis, its place and its growth with speed."""
         if self.axis is None:
             return "the residual is noise in the forces: check the log's sensors"
         text = f"mostly {self.name} ({self.share:.0%} of it)"
@@ -57,12 +57,15 @@ class Leftover:
         return f"{text}; it does not grow with speed"
 
     def growing(self) -> str:
-        """Return a phrase on the growth with each velocity, the steepest first; empty without growth."""
+        """Return a clause on the growth of the wrench with each velocity, the steepest first.
+
+        Empty without growth.
+        """
         told = ", ".join(f"{VELOCITY[i]} to the power {self.powers[i]:.1f}" for i in self._steepest())
         return f"; by velocities, it grows with {told}" if told else ""
 
     def experiment(self) -> str:
-        """Return a sentence that proposes an experiment to isolate the missing wrench."""
+        """Return a sentence that proposes an experiment which would show the cause of the missing wrench."""
         if self.axis is None:
             return "check the log with `hydro import`, its units, axes and time stamps"
         grown = self._steepest()
@@ -85,7 +88,7 @@ class Leftover:
 
 
 def leftover(vehicle: Vehicle, record: Recording, sessions: Sequence[str], seed: int = 0) -> Leftover:
-    """Return the main axis and place of the wrench that a model lacks, and how it grows with speed.
+    """Return the main axis and place of the wrench that a model lacks, and its growth with speed.
 
     Args:
         vehicle: Model with all findings of a diagnosis.

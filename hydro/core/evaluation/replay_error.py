@@ -62,12 +62,12 @@ def replay(
     """Return squared errors of velocity and of pose in predictions over a horizon.
 
     Args:
-        model: Model.
+        model: Compiled vehicle.
         record: Recording.
         motion: Smoothed motion of the recording, at which every prediction starts.
         pieces: Pieces of time over which squares are summed.
         horizon: Length of a prediction [s]; None for whole segments.
-        seed: Seed of the noise.
+        seed: Seed of the noise from which the errors due to noise alone are computed.
         weights: Weights of the axes; by default from the model's inertia.
 
     Returns:
@@ -95,7 +95,9 @@ def replay(
 
 
 class Ahead:
-    """Velocity errors of vehicles on one recording, 5 s ahead, weighted by the first vehicle's inertia.
+    """Calculator of velocity errors in predictions of 5 s on one recording.
+
+    Errors on the axes are weighted by the inertia of a first vehicle, so that vehicles can be compared.
 
     Attributes:
         floor: Error of the first vehicle due to noise alone [m/s].
@@ -119,10 +121,10 @@ class Ahead:
         self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
-        """Return the error of a vehicle's velocity in predictions of AHEAD seconds [m/s].
+        """Return the root mean square velocity error of a vehicle in predictions of AHEAD seconds [m/s].
 
-        It is the root mean square over all rows of the predictions and over all axes, weighted by the inertia
-        the first vehicle.
+        The mean is over all rows of the predictions and over all axes, weighted by the inertia of the first
+        vehicle.
 
         Raises:
             DataError: No session lasts AHEAD seconds without a gap.
@@ -234,9 +236,9 @@ def last_samples(errors: Array, seen: Mask | None) -> Array:
 
 
 def root_mean_square(errors: Array) -> Array:
-    """Return the root mean square of each of C columns of errors, without NaN, (C,).
+    """Return the root mean square over S predictions of the error in each of C channels, (C,).
 
-    The result is NaN where all errors are NaN.
+    NaN are left out; the result is NaN for a channel with no other value.
 
     Args:
         errors: Errors of S predictions, (S, C).

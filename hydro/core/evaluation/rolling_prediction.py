@@ -36,14 +36,14 @@ SHOWN_RATE = 10.0
 
 
 def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFrame:
-    """Predict a recording with restarts from its smoothed motion.
+    """Return predictions of a recording by several vehicles, restarted regularly from the measured motion.
 
     Args:
         vehicles: Vehicles by the names of their variants.
         raw: Raw table of the measured motion and commands.
 
     Returns:
-        A replay table in float32: `session`, `variant` (`measured` and the keys of `vehicles`), `t`, pose in
+        A table in float32: `session`, `variant` (`measured` and the keys of `vehicles`), `t`, pose in
         NED [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
         `measured`, null for other variants.  A variant lacks the rows in which its motion diverges.
 

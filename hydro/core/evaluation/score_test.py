@@ -49,7 +49,7 @@ class Evidence:
     def of(cls, normal: Normal) -> Evidence:
         """Return a linearised problem scaled to columns of unit size.
 
-        Pieces whose prediction diverges are left out.
+        Pieces of data whose prediction diverges are left out.
 
         Args:
             normal: The linearised problem; it is not changed.
@@ -81,21 +81,21 @@ class Evidence:
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def gain(self, given: Columns, group: Columns) -> float:
-        """Return how much a group of columns reduces the squared residual, in addition to given columns.
+        """Return how much a group of columns reduces the sum of squared residuals of a fit of given columns.
 
         Args:
-            given: Indices of the columns in the model already.
+            given: Indices of the columns that are fitted already.
             group: Indices of the columns of the group.
         """
         return self._explained([*given, *group]) - self._explained(given)
 
     @property
     def left(self) -> float:
-        """Share of the squared residual that remains after a joint fit of all columns."""
+        """Fraction of the sum of squared residuals that remains after a joint fit of all columns."""
         return 1.0 - self._explained(range(len(self.size))) / float(self.error.sum())
 
     def scores(self, columns: Columns) -> Array:
-        """Return X^T e of each of S pieces, (S, p), with the residual e after a joint fit of given columns.
+        """Return X^T e of each of S pieces for given columns X, after a joint fit of these columns, (S, p).
 
         Args:
             columns: Indices of the p columns.
@@ -114,7 +114,7 @@ class Evidence:
         """Return the covariance of the coefficients of a group of columns, (p, p), in the parameters' units.
 
         Args:
-            given: Indices of the columns in the model already.
+            given: Indices of the columns that are fitted together with the group.
             group: Indices of the p columns.
             scale: Mean square of the residual; below 1 it counts as 1.
         """

@@ -38,14 +38,14 @@ RARE = 0.2
 
 @dataclass(frozen=True)
 class Unseen:
-    """Axis with small commands in the held-out recording only.
+    """Axis on which the held-out recording has frequent small commands, and the training recording has not.
 
     Attributes:
         axis: Name of the velocity along the axis, one of u to r.
         low: Lower bound of the small wrenches [N, N m].
         high: Upper bound of the small wrenches [N, N m].
-        held_out: Share of the held-out time with small wrenches.
-        training: Share of the training time with small wrenches.
+        held_out: Fraction of the held-out time with small wrenches.
+        training: Fraction of the training time with small wrenches.
     """
 
     axis: str

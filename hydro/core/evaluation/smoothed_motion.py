@@ -22,17 +22,17 @@ IMPULSE_REACH = 1000
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed motion of a recording of N rows.
+    """Smoothed motion of a recording of N rows, with its uncertainty.
 
     Attributes:
         eta: Pose with unwrapped angles, NED, (N, 6) [m, rad].
         nu: Velocity as logged, body axes, (N, 6) [m/s, rad/s].
         nu_dot: Derivative of `nu`, (N, 6).
         sigma: Standard deviation of the noise of the twelve channels, (12,); 0 for a channel without samples.
-        uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
-            its ends, (2, 12).
-        pose: Smoother of the pose.
-        velocity: Smoother of the velocity.
+        uncertainty: Standard deviation of the smoothed channels, in the first row of a segment (row 0) and
+            far from its ends (row 1), (2, 12).
+        pose: Settings of the smoother of the pose.
+        velocity: Settings of the smoother of the velocity.
     """
 
     eta: Array

@@ -44,7 +44,7 @@ class Squares:
 
 
 def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
-    """Return the squared errors of the velocities that a vehicle predicts over shots.
+    """Return the squared errors of the velocities that a vehicle predicts, summed over each shot.
 
     Args:
         vehicle: Vehicle.
@@ -59,7 +59,7 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
 
 
 def squares_at_rest(ahead: Shots) -> Squares:
-    """Return the squared velocity errors over shots if the prediction is that the vehicle stands still.
+    """Return the squared velocity errors of the prediction that the vehicle stands still, for each shot.
 
     Args:
         ahead: Shots, short stretches of a recording, to predict.
@@ -88,7 +88,7 @@ def _squares(predicted: Array, shots: Shots) -> Squares:
 
 
 def axes_by_distance(record: Recording) -> Rows:
-    """Return the numbers (0 to 2) of the linear axes with samples of position but none of velocity."""
+    """Return the linear axes (0 to 2 for x, y, z) that have samples of position but none of velocity."""
     if record.seen is None:
         return np.zeros(0, np.int64)
     shown = np.asarray(record.seen.any(axis=0), bool)

@@ -20,7 +20,7 @@ from hydro.core.prediction.candidate import Candidate
 
 
 class Weights(NamedTuple):
-    """Weight of a squared error on each axis.
+    """Weights of squared errors, by which errors on different axes become comparable.
 
     Attributes:
         force: Weights of X Y Z K M N, (6,).
@@ -34,7 +34,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def of(cls, model: Candidate) -> Weights:
-        """Return weights from the diagonal of a model's inertia, added mass included."""
+        """Return the weights of axes from the diagonal of a model's mass matrix, added mass included."""
         c = constants_of(model.program.flat)
         inertia, mass = np.diag(c[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)), float(c[MASS])
         level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
@@ -42,7 +42,10 @@ class Weights(NamedTuple):
 
     @classmethod
     def read(cls, comparison: pl.DataFrame) -> Weights:
-        """Return the weights that a comparison table contains; 0 for an axis without errors in the table."""
+        """Return the weights of axes that a comparison table contains.
+
+        0 for an axis without errors in the table.
+        """
         rows = comparison.filter(pl.col("level").is_in(["force", "replay"]), by="all")
         known = dict(rows.select("axis", "weight").drop_nulls().iter_rows())
         return cls(*(np.array([known.get(axis, 0.0) for axis in axes]) for axes in (WRENCH, VELOCITY, POSE)))

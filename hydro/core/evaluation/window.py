@@ -1,4 +1,4 @@
-"""Predictions over a window of a recording, for a page that draws them again at every change of a vehicle.
+"""Predictions over a window of a recording, for a page that draws them anew at every change of a vehicle.
 
 Predictions of one length lie end to end along each segment and start from the smoothed measured motion, as in
 `evaluation.replay_error`; the last prediction of a segment is shorter.  Only those that reach into the window
@@ -18,7 +18,7 @@ from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 
 
 class Windows:
-    """Predictions over windows of one recording of N rows.
+    """Calculator of predictions over windows (stretches of rows) of one recording of N rows.
 
     Attributes:
         record: The recording.
@@ -37,7 +37,7 @@ class Windows:
             self.logged[start:stop, 3:6] = np.unwrap(self.logged[start:stop, 3:6], axis=0)
 
     def predicted(self, model: Candidate, horizon: float | None, begin: int, end: int) -> Array:
-        """Predict the rows of a window.
+        """Return a model's predictions of pose and velocity in the rows of a window.
 
         Args:
             model: Compiled vehicle.
@@ -67,7 +67,7 @@ class Windows:
         return out
 
     def laid(self, horizon: float | None, begin: int, end: int) -> tuple[Rows, Rows, Rows]:
-        """Return first row, segment and length of the S predictions that reach into a window, (S,) each.
+        """Return first row, segment and length in rows of the S predictions in a window, (S,) each.
 
         Args:
             horizon: Length of a prediction [s]; None for one prediction of each segment.
@@ -86,12 +86,12 @@ class Windows:
         return np.array(starts, np.int64), np.array(segment, np.int64), np.array(lengths, np.int64)
 
     def shots(self, starts: Rows, segment: Rows, length: int) -> Shots:
-        """Return predictions of one length as shots, with unit noise.
+        """Return given stretches of the recording as `Shots` (short predictions), with unit noise.
 
         Args:
-            starts: First row of each of S shots, (S,).
-            segment: Segment of each shot, (S,).
-            length: Number of rows of each shot.
+            starts: First row of each of S stretches, (S,).
+            segment: Number of the segment of each stretch, (S,).
+            length: Number of rows of each stretch.
         """
         rows = starts[:, None] + np.arange(length)
         return Shots(

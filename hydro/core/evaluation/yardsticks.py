@@ -57,7 +57,10 @@ JUDGED = 5.0
 
 
 class Damped(NamedTuple):
-    """Coefficients of one axis of the least-squares predictor; the module gives the equation.
+    """Coefficients of one axis of the least-squares predictor.
+
+    The predicted acceleration is a v + b |v| v + c tau(t - d) + e + sum_j k_j nu_j, with the velocity v on
+    the axis, the wrench tau and the velocities nu_j on all axes.
 
     Attributes:
         linear: Linear damping a [1/s], at most 0.
@@ -79,14 +82,15 @@ class Damped(NamedTuple):
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Weights and simple predictors for one vehicle file and all files made from it.
+    """Weights of the axes and simple predictors, by which one vehicle file and its corrections are judged.
 
     Attributes:
         vehicle: Vehicle file, whose thrusters turn commands into wrenches.
         weights: Weights of the axes, from the inertia of the vehicle.
         damped: Least-squares predictor of each of six axes, fitted to the whole training recording.
-        left_out: Fits without each fold of the training recording, for predictions of that fold.
-        fold: Fold of each of N rows of the training recording, (N,); empty without folds.
+        left_out: Predictors fitted without each fold (part) of the training recording, for predictions of
+            that fold.
+        fold: Number of the fold of each of N rows of the training recording, (N,); empty without folds.
     """
 
     vehicle: Vehicle
@@ -97,7 +101,7 @@ class Yardstick:
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame) -> Yardstick:
-        """Return the predictors fitted to a training recording, with the weights of a vehicle file.
+        """Return the simple predictors fitted to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
@@ -110,7 +114,7 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Return the predictors fitted to a training recording, with the weights of a vehicle file.
+        """Return the simple predictors fitted to a training recording, with the weights of a vehicle file.
 
         Args:
             vehicle: Vehicle file.
@@ -120,10 +124,10 @@ class Yardstick:
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Return the predictors fitted by cross-validation to the recording on which they will be judged.
+        """Return the simple predictors, fitted by cross-validation to the recording that they predict.
 
         Each group of sessions, or each block of a single session, is predicted by a fit to all others.  For
-        another recording, call `of_others` on the result.
+        another recording, use `of_others` of the result.
 
         Args:
             vehicle: Vehicle file, which gives the weights and the wrenches of the thrusters.
@@ -136,7 +140,7 @@ class Yardstick:
 
     @property
     def of_others(self) -> Yardstick:
-        """A new yardstick for predictions of another recording, from the fit to the whole training one."""
+        """A copy for predictions of another recording, with the fit to the whole training recording alone."""
         return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(
@@ -149,8 +153,8 @@ class Yardstick:
             motion: Smoothed motion of the recording.
             pieces: Pieces of time over which squares are summed.
             horizon: Length of a prediction [s].
-            velocity: Velocity errors of the model at the same horizon, whose weights, counts and errors due
-                noise the result repeats.
+            velocity: Velocity errors of the model at the same horizon; the result repeats their weights,
+                counts and errors due to noise.
 
         Returns:
             A list with the name and the errors of each predictor.
@@ -198,13 +202,13 @@ class Yardstick:
 
 
 def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
-    """Return words for the part of the least-squares fit of an axis that lowers its squared residual most.
+    """Return words for the part of the least-squares predictor of an axis that reduces its residual most.
 
     Each part is removed in turn and all other parts are refitted: cross terms, the delay, the command scale
     (set to the file's inertia) and the damping.
 
     Args:
-        yardstick: Yardstick, fitted to the recording.
+        yardstick: Predictors fitted to the recording.
         record: Training recording.
         axis: Number of the axis, 0 to 5.
     """
@@ -246,7 +250,7 @@ def column(predictor: str) -> str:
 
 
 def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Array:
-    """Integrate the velocities of the least-squares predictor under thrust.
+    """Return the velocities that the least-squares predictor gives under thrust.
 
     The damping is constant over each step, with its value at the start.
 

@@ -79,7 +79,7 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
 
     Args:
         effect: Name of the missing effect.
-        parameters: Its fitted parameters, by name.
+        parameters: Fitted parameters of the effect, by name.
         dt: Sample time of the recording [s].
     """
     saying = CATALOGUE[effect].advice.saying
@@ -90,7 +90,7 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
 
 
 def suspecting(effect: str, words: str) -> str:
-    """Return the advice for a missing effect whose name is unconfirmed.
+    """Return the advice for a missing effect whose name is unconfirmed: `words` with a warning.
 
     Args:
         effect: Name of the effect.
@@ -139,7 +139,7 @@ def contradicting(change: Change, share: float) -> str:
     """Return the advice for a value that the file marks as known but the recording contradicts.
 
     Args:
-        change: Component with the largest change, if the known values were estimated.
+        change: Greatest change of a component that would result if the known values were fitted.
         share: Share of the prediction error beyond the noise that new values would remove, 0 to 1.
     """
     return (
@@ -150,7 +150,7 @@ def contradicting(change: Change, share: float) -> str:
 
 
 def being_alias(effect: str, others: Sequence[str]) -> str:
-    """Return the advice for an effect that has the same forces as a sum of other effects in every recording.
+    """Return the advice for an effect whose forces are those of a sum of other effects in every recording.
 
     Args:
         effect: Name of the effect.

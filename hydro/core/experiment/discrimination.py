@@ -41,11 +41,9 @@ LOG_WEIGHT = 1e-3
 class Rival:
     """Vehicle model that explains a recording about as well as other models do.
 
-    P is the number of free components, the numbers of the file that the fit changed.
-
     Attributes:
         name: Effect that distinguishes this model from the other models.
-        unknown: The free components.
+        unknown: The P free components: the numbers of the vehicle file that the fit changed.
         values: Fitted values of the components, (P,).
         information: Information matrix of the values from the recording and the prior, in units of the
             components' scales, (P, P).
@@ -58,7 +56,7 @@ class Rival:
 
     @classmethod
     def of(cls, name: str, unknown: Free, values: Array, normal: Normal) -> Rival:
-        """Return a fitted model as one of the models between which an experiment is to decide.
+        """Return the rival model made from a fit.
 
         The fit's information matrix is divided by its mean squared residual if that exceeds 1.
 
@@ -79,7 +77,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Expected:
-    """Standard errors of a component before and after a planned flight.
+    """Standard errors of one component of an effect before and after a planned flight.
 
     Attributes:
         name: Name of the component.
@@ -97,8 +95,9 @@ class Expected:
 def gram(rival: Rival, shots: Shots, more: Sequence[tuple[Vehicle, float]] = ()) -> Array:
     """Return the Gram matrix of a model's sensitivities and its residual over a predicted flight.
 
-    Its rows and columns are the P free components of the model in units of their scales, K further components
-    from `more`, and last the residual.  Sensitivities and residual are divided by the sensor noise.
+    A sensitivity is the derivative of the predictions by one component.  Rows and columns are the P free
+    components of the model in units of their scales, K further components from `more`, and last the residual.
+    Sensitivities and residual are divided by the sensor noise.
 
     Args:
         rival: Model whose predictions are compared with the shots.
@@ -136,7 +135,8 @@ def distance(total: Array, information: Array) -> float:
 def parted(rivals: Sequence[Rival], grams: Mapping[tuple[int, int], Array]) -> dict[tuple[str, str], float]:
     """Return the squared separation of each pair of models in a flight.
 
-    Either model of a pair may imitate the other; the smaller difference counts.
+    The separation is the difference of the predictions after one model has changed its values to imitate the
+    other.  Either model of a pair may imitate; the smaller difference counts.
 
     Args:
         rivals: Rival models.
@@ -154,16 +154,20 @@ def parted(rivals: Sequence[Rival], grams: Mapping[tuple[int, int], Array]) -> d
 
 
 def utility(distances: Parted) -> float:
-    """Return the sum of log(1 + squared separation) over all pairs of models: the utility of a flight."""
+    """Return the utility of a flight: the sum of log(1 + squared separation) over all pairs of models.
+
+    Args:
+        distances: Squared separation by pair of names, in units of the noise variance, from `parted`.
+    """
     return float(sum(np.log1p(square) for square in distances.values()))
 
 
 def expected(rival: Rival, total: Array) -> list[Expected]:
-    """Return the standard errors, after a flight, of the effect that distinguishes a model.
+    """Return the standard errors that a model's distinguishing effect has before and after a flight.
 
     Args:
         rival: The model, with P free components.
-        total: Gram matrix of the model in the flight, (P + 1, P + 1).
+        total: Gram matrix of the model in the flight, from `gram`, (P + 1, P + 1).
 
     Returns:
         One entry for each component of the effect `rival.name`.
@@ -195,7 +199,7 @@ class Unseen:
 
 
 def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None) -> list[Unseen]:
-    """Return effects that a recording does not show, as small steps of their components for `gram`.
+    """Return effects that a recording does not show, prepared for a prediction of their standard errors.
 
     An effect that is nonlinear in its parameters is represented by the first of its coarse shapes.
 
@@ -204,6 +208,9 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
         effects: Names in the catalogue.
         reach: Positions and times of the N rows of the recording, (N, 4) [m, s], candidates for the place of
             a tether's anchor.
+
+    Returns:
+        One object for each effect, with a small value of each component, as `gram` needs it in `more`.
     """
     found: dict[str, Unseen] = {}
     for one in suspects(vehicle, reach=reach, completing=True) if effects else ():
@@ -219,11 +226,12 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
 
 
 def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list[Expected]]:
-    """Return the standard errors of effects that the recording does not show, each added to the model alone.
+    """Return the standard errors that effects have after a flight, each effect added to a model alone.
 
     Args:
         rival: Model without these effects, with P free components.
-        asked: K components of the effects in the order of the columns of `total`.
+        asked: Effects that the recording does not show, with K components in the order of the columns of
+            `total`.
         total: Gram matrix of the model in the flight, with the effects as `more`, (P + K + 1, P + K + 1).
 
     Returns:
@@ -247,9 +255,9 @@ def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list
 def worth(asked: Sequence[Unseen], errors: Mapping[str, Sequence[Expected]]) -> float:
     """Return the utility of a flight for effects that the recording does not show.
 
-    It is the sum over the effects of the mean weight of their components.  The weight of a component is 1 for
-    an exact value and 1/2 if its standard error is SHOWN times its scale.  A small term in the log of the
-    standard errors (D-optimality) ranks flights that show equally many components.
+    The utility is the sum over the effects of the mean weight of their components.  The weight of a component
+    is 1 for an exact value and 1/2 if its standard error is SHOWN times its scale.  A small term in the log
+    of the standard errors (D-optimality) ranks flights that show equally many components.
 
     Args:
         asked: The effects.

@@ -48,7 +48,7 @@ Pairs = Mapping[tuple[int, int], Array]
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a planned flight.
+    """Limits of a planned flight, which is a sequence of sessions.
 
     Attributes:
         depth: Minimum and maximum depth [m].
@@ -78,7 +78,7 @@ class Limits:
             raise DataError(f"seconds: {self.seconds:g} s is too short; give at least {SHORTEST:g} s")
 
     def begin(self, pose: Array) -> Array:
-        """Return the start pose of all sessions, with its depth moved inside the limits if needed.
+        """Return the start pose of all sessions: the desired pose, with its depth moved inside the limits.
 
         Args:
             pose: Desired pose x y z phi theta psi, NED, (6,) [m, rad].
@@ -105,7 +105,7 @@ class Question:
     """Open questions of a diagnosis, with the noise and the start pose of the next run.
 
     Attributes:
-        ties: Groups of rival models that explain the recording about equally well.
+        ties: Groups of rival models; the models of a group explain the recording about equally well.
         model: Vehicle with all findings, used if there are no ties.
         hidden: Names of effects that the recording does not show.
         sigma: Standard deviations of pose and velocity at the library's log rate, (12,) [m, rad, m/s, rad/s]:
@@ -143,7 +143,7 @@ class Flight:
     space: float
 
     def table(self) -> pl.DataFrame:
-        """Return the commands as a table for `hydro simulate`: session, t [s], cmd_1 ... cmd_n in [-1, 1]."""
+        """Return the commands as a table for `hydro simulate`: session, t [s], cmd_1 ... cmd_n, -1 to 1."""
         numbered = [replace(one, name=f"{number}_{one.name}") for number, one in enumerate(self.sessions, 1)]
         return pl.concat([one.table() for one in numbered])
 
@@ -186,7 +186,7 @@ def _range(values: Sequence[float]) -> str:
 
 @dataclass(frozen=True)
 class Option:
-    """Manoeuvre that stays within the limits.
+    """Manoeuvre that stays within the limits of a flight, with its predicted results.
 
     Attributes:
         manoeuvre: The manoeuvre.
@@ -208,6 +208,9 @@ def advise(question: Question, limits: Limits) -> Flight:
     Args:
         question: Open questions: rival models, or else effects that the recording does not show.
         limits: Limits of the flight.
+
+    Returns:
+        The flight, with the separations and standard errors that are expected after it.
 
     Raises:
         DataError: No question is open, the motion diverges, or no manoeuvre stays within the limits.

@@ -74,17 +74,17 @@ class Manoeuvre:
         return len(self.commands) / LOG_RATE
 
     def thrusting(self, share: float, powers: Array) -> Manoeuvre:
-        """Return the manoeuvre with all thrusts scaled by a factor.
+        """Return a new manoeuvre with all thrusts scaled by a factor.
 
         Args:
             share: Factor on every thrust (not on the commands), 0 to 1.
-            powers: Exponents of the thrust curves, (n,), from `powers`.
+            powers: Exponents p of the n thrust curves, thrust ~ |command|^p, (n,), from `powers`.
         """
         commands = np.sign(self.commands) * np.abs(self.commands) * share ** (1.0 / powers)
         return replace(self, commands=commands.astype(np.float32).astype(np.float64))
 
     def table(self) -> pl.DataFrame:
-        """Return the real commands in [-1, 1] for `hydro simulate`: session, t [s], cmd_1 to cmd_n."""
+        """Return a table for `hydro simulate`: session, t [s], real commands cmd_1 to cmd_n, -1 to 1."""
         commands = self.commands if self.vehicle is None else given_commands(self.vehicle, self.commands)
         given = dict(zip(command_columns(self.commands.shape[1]), commands.T, strict=True))
         session = [self.name.replace(" ", "_")] * len(self.commands)
@@ -92,7 +92,7 @@ class Manoeuvre:
 
 
 def powers(vehicle: Vehicle) -> Array:
-    """Return the exponent p of the curve of each of n thrusters, thrust ~ |command|^p, (n,)."""
+    """Return the exponents p of n thrust curves, (n,): thrust is proportional to |command|^p."""
     found: Array = thruster_table(vehicle)[:, POWER]
     return found
 

@@ -58,6 +58,9 @@ def best(rivals: Sequence[Vehicle], noise: ArrayLike, *, start: ArrayLike | None
         noise: Standard deviations of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
         start: Start pose, NED, (6,) [m, rad], at rest; by default level, heading north, 5 m deep.
 
+    Returns:
+        The manoeuvre, with the predicted difference of the two models.
+
     Raises:
         DataError: Fewer than two rivals, or every manoeuvre diverges.
     """
@@ -79,7 +82,7 @@ def showing(
 
     Args:
         vehicle: The unchanged vehicle.
-        changed: Vehicles with one changed effect each (`plain`), by the effect's name.
+        changed: Vehicles with one changed effect each (from `plain`), by the effect's name.
         noise: Standard deviations of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
         start: Start pose, NED, (6,) [m, rad], at rest; by default level, heading north, 5 m deep.
 
@@ -98,7 +101,9 @@ def showing(
 
 
 def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -> Vehicle:
-    """Return a vehicle in which each component of an effect is larger by a significant amount, its scale.
+    """Return a copy of a vehicle in which each component of an effect is larger by a significant amount.
+
+    The amount is the component's scale.
 
     Args:
         vehicle: The vehicle.
@@ -148,7 +153,7 @@ def _grams(
 def predicted_shots(
     model: Candidate, manoeuvre: Manoeuvre, motion: Array, sigma: Array, lead: float
 ) -> Shots:
-    """Return shots of a predicted flight, with the predictions of its model as noise-free measurements.
+    """Return shots of a predicted flight; their measurements are the model's predictions without noise.
 
     Args:
         model: Model that predicts the flight.

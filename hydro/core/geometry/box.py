@@ -58,7 +58,10 @@ def box_added_mass(sides: Sequence[float], density: float) -> Array:
 
 
 def checked_sides(sides: Sequence[float]) -> Array:
-    """Return length, width and height as an array, (3,) [m].
+    """Return length, width and height as an array, (3,) [m], after a check.
+
+    Args:
+        sides: Length, width, height [m].
 
     Raises:
         DataError: A side is not a positive finite number.

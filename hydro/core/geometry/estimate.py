@@ -48,7 +48,7 @@ FIN_ERROR = 0.6
 
 @dataclass(frozen=True)
 class Known:
-    """Data of a vehicle that the user gives.
+    """Data of a vehicle that the user gives for an estimate of its file.
 
     Attributes:
         name: Name of the vehicle.
@@ -111,7 +111,7 @@ def estimate(
         hull: Solid of the hull mesh, if there is a mesh.
         mesh: File name of the mesh, to write into the vehicle file.
         radiated: Added-mass matrix of the mesh about CO, (6, 6), from `radiated_added_mass`; None for that of
-            an equivalent ellipsoid.
+            an ellipsoid with the mesh's volume and moments.
 
     Raises:
         DataError: A number is not possible; the message names the number.

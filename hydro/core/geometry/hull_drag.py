@@ -54,7 +54,7 @@ ERROR_LINEAR = 1.0
 
 
 def quadratic_drag(form: Form) -> Array:
-    """Return the diagonal of quadratic damping about the hull's centre, (6,) [N s^2/m^2, N m s^2].
+    """Return the diagonal of a hull's quadratic damping matrix about its centre, (6,) [N s^2/m^2, N m s^2].
 
     Args:
         form: Shape and size of the hull.
@@ -65,13 +65,14 @@ def quadratic_drag(form: Form) -> Array:
 
 
 def linear_drag(form: Form, quadratic: Array) -> Array:
-    """Return the diagonal of linear damping, (6,) [N s/m, N m s], equal to quadratic damping at speed SLOW.
+    """Return the diagonal of a hull's linear damping matrix, (6,) [N s/m, N m s].
 
-    In rotation the two are equal at the rate at which the box has a root mean square speed of SLOW.
+    Linear and quadratic damping are equal at the speed SLOW; in rotation, at the rate at which the box has a
+    root mean square speed of SLOW.
 
     Args:
         form: Shape and size of the hull.
-        quadratic: Diagonal of quadratic damping, (6,).
+        quadratic: Diagonal of quadratic damping, (6,) [N s^2/m^2, N m s^2].
     """
     squares = form.sides**2 / 12.0
     arms = np.sqrt([squares[1] + squares[2], squares[2] + squares[0], squares[0] + squares[1]])
@@ -79,12 +80,12 @@ def linear_drag(form: Form, quadratic: Array) -> Array:
 
 
 def drag_errors(form: Form, quadratic: Array, linear: Array) -> tuple[Array, Array]:
-    """Return standard errors of quadratic and linear damping, (6,) each, in the units of the values.
+    """Return the standard errors of quadratic and of linear damping, (6,) each, in the units of the values.
 
     Args:
         form: Shape and size of the hull.
-        quadratic: Diagonal of quadratic damping, (6,).
-        linear: Diagonal of linear damping, (6,).
+        quadratic: Diagonal of quadratic damping, (6,) [N s^2/m^2, N m s^2].
+        linear: Diagonal of linear damping, (6,) [N s/m, N m s].
     """
     relative = np.array([ERROR] * 3 + [ERROR_TURNING] * 3)
     if form.shape != "box":
@@ -93,11 +94,14 @@ def drag_errors(form: Form, quadratic: Array, linear: Array) -> tuple[Array, Arr
 
 
 def fin_lift(form: Form) -> float:
-    """Return the lift coefficient of a pair of tail fins, L11 of `body_lift` [kg/m]: 1/2 rho c_L A.
+    """Return the lift coefficient of a pair of tail fins, 1/2 rho c_L A [kg/m]: L11 of effect `body_lift`.
 
     The lift is this coefficient times forward speed times drift speed.  rho is the water density, A the area
     of the pair, and c_L = 1/(1/(2 pi 0.9) + 1/(pi A_e)) the lift slope, with the aspect ratio A_e = span^2/A
     (Hoerner; Prestero 2001, ch. 4).
+
+    Args:
+        form: Shape and size of the hull.
     """
     span = (2.0 * FIN_TIP - 1.0) * form.diameter
     area = span * FIN_CHORD * form.diameter

@@ -66,7 +66,11 @@ class Form:
 
     @property
     def exponent(self) -> float:
-        """Exponent n of S(x) = S_0 (1 - |2x/L|^n), from the prismatic coefficient n/(n + 1); 2: ellipsoid."""
+        """Exponent n of the section area S(x) = S_0 (1 - |2x/L|^n) along a hull of length L; 2: an ellipsoid.
+
+        For a torpedo, n follows from the prismatic coefficient n/(n + 1), the fullness of the hull relative
+        to a cylinder.  S_0 is the area of the section in the middle, x = 0.
+        """
         if self.shape != "torpedo":
             return 2.0
         prismatic = float(np.clip(self.fullness / (np.pi / 4.0), *PRISMATIC))
@@ -124,7 +128,11 @@ def default_shape(sides: Array, fullness: float) -> Shape:
 
 
 def second_moment(form: Form) -> float:
-    """Return the mean square of x over the volume of a torpedo or ellipsoid, about its middle [m^2]."""
+    """Return the mean square of x over the volume of a torpedo or ellipsoid, about its middle [m^2].
+
+    Args:
+        form: Shape and size of the hull; x is along its length.
+    """
     n = form.exponent
     return float(form.sides[0] ** 2 / 4.0 * (1.0 / 3.0 - 1.0 / (n + 3.0)) / (1.0 - 1.0 / (n + 1.0)))
 

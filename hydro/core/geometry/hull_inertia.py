@@ -24,7 +24,7 @@ LEAST = 0.05
 
 
 def added_mass(form: Form) -> Array:
-    """Return the diagonal of the added mass matrix about the hull's centre, (6,) [kg, kg m^2].
+    """Return the diagonal of a hull's added-mass matrix about its centre, (6,) [kg, kg m^2].
 
     Ellipsoid: Lamb's k-factors times displaced mass and inertia (Lamb 1932, art. 114-115).  Torpedo: the same
     k-factors, as the reduction by the ends of a strip of elliptic section (Newman 1977, section 4.15), times
@@ -61,15 +61,16 @@ def fin_mass(form: Form) -> float:
 
 
 def added_mass_errors(form: Form, values: Array, body: Array, relative: tuple[float, ...] = ()) -> Array:
-    """Return standard errors of the diagonal of the added mass, (6,) [kg, kg m^2].
+    """Return standard errors of the diagonal of a hull's added mass, (6,) [kg, kg m^2].
+
+    The standard errors of the dry inertia are included, since a vehicle file has no standard error of
+    `inertia`, and motion shows only the sum of dry and added inertia.
 
     Args:
         form: Shape and size of the hull.
-        values: Diagonal of the added mass, (6,).
-        body: Standard errors of the dry moments of inertia (3,) [kg m^2]: a vehicle file has no standard
-            error of `inertia`, and motion shows only the sum of dry and added inertia, so they are included
-            here.
-        relative: Relative standard errors, (6,); by default those of the shape.
+        values: Diagonal of the added mass, (6,) [kg, kg m^2].
+        body: Standard errors of the dry moments of inertia, (3,) [kg m^2].
+        relative: Relative standard errors of `values`, (6,); by default those of the shape.
     """
     mass = form.displaced
     squares = form.sides**2

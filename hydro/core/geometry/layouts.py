@@ -71,10 +71,10 @@ PLACES: dict[Layout, tuple[Placed, ...]] = {
 def laid_out(
     layout: Layout, thrust: float, sides: Sequence[float], middle: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> tuple[Thruster, ...]:
-    """Return the thrusters of a usual layout.
+    """Return the thrusters of a usual layout in a hull's box.
 
     Args:
-        layout: One of LAYOUTS.
+        layout: Name of the layout, one of LAYOUTS.
         thrust: Maximum thrust of each thruster [N], in both directions.
         sides: Length, width, height of the hull's box [m].
         middle: Centre of the box [m] from CO, FRD.
@@ -114,7 +114,7 @@ def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> lis
     Args:
         text: The text.
         what: Name of the input in an error message.
-        counts: Allowed numbers of values.
+        counts: Allowed counts of numbers, such as 7 and 8.
         example: Expected form in an error message.
 
     Raises:
@@ -136,12 +136,12 @@ def driven(
     curve: Literal["linear", "quadratic", "t200"] | None,
     time_constant: float | None,
 ) -> tuple[Thruster, ...]:
-    """Return thrusters with another thrust curve and time constant.
+    """Return copies of thrusters with another thrust curve and time constant.
 
     Args:
         thrusters: The thrusters.
         curve: Thrust curve; None keeps each thruster's curve.  `t200` has its own maximum thrusts.
-        time_constant: Time constant of the lag [s]; None keeps each thruster's.
+        time_constant: Time constant of the lag between command and thrust [s]; None keeps each thruster's.
 
     Raises:
         DataError: The time constant is negative or not finite.

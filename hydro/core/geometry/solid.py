@@ -40,12 +40,16 @@ class Solid:
     middle: Array
 
     def inertia(self, mass: float) -> Array:
-        """Return the inertia matrix (3, 3) [kg m^2] about the centroid for a uniform mass [kg]."""
+        """Return the inertia matrix about the centroid of a uniform body of given mass, (3, 3) [kg m^2].
+
+        Args:
+            mass: Mass [kg].
+        """
         return np.asarray(mass * (np.trace(self.moments) * np.eye(3) - self.moments))
 
     @property
     def semi_axes(self) -> Array:
-        """Semi-axes (3,) [m] along x, y, z of the ellipsoid with the same volume and ratios of moments."""
+        """Semi-axes x, y, z of the ellipsoid with the solid's volume and moment ratios, (3,) [m]."""
         axes = np.sqrt(5.0 * np.diag(self.moments))
         return np.asarray(axes * (self.volume / (4.0 / 3.0 * np.pi * np.prod(axes))) ** (1.0 / 3.0))
 
@@ -55,7 +59,7 @@ def solid(vertices: ArrayLike, faces: ArrayLike) -> Solid:
 
     Args:
         vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
-        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3).
+        faces: Vertex indices, from 0, of F triangles, anticlockwise as seen from outside, (F, 3).
 
     Raises:
         DataError: The surface is not closed, not consistently oriented, inside out, or crosses itself.
@@ -82,16 +86,16 @@ def solvable() -> bool:
 
 
 def radiated_added_mass(vertices: ArrayLike, faces: ArrayLike, density: float) -> Array:
-    """Return the added-mass matrix of a closed surface about the body origin, far below the water's surface.
+    """Return the added-mass matrix of a closed surface about CO, far below the water's surface.
 
     Capytaine solves the six radiation problems of unit motions in an unbounded ideal fluid, with sources on
     flat panels (Ancellin and Dias 2019, *Journal of Open Source Software* 4(36), 1341).  Without a free
     surface there are no waves, and the result holds at every frequency.
 
     Args:
-        vertices: Points [m], FRD about CO, one for each of V vertices, (V, 3).
-        faces: Vertex numbers of F triangles, from 0, anticlockwise as seen from outside, (F, 3); F is at most
-            MOST_FACES.
+        vertices: Points [m], FRD about the body origin CO, one for each of V vertices, (V, 3).
+        faces: Vertex indices, from 0, of F triangles, anticlockwise as seen from outside, (F, 3); F is at
+            most MOST_FACES.
         density: Water density [kg/m^3].
 
     Returns:

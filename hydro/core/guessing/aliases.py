@@ -144,9 +144,11 @@ def guess(
     preset: str | None = None,
     thrusters: int | None = None,
 ) -> dict[str, Block]:
-    """Return guessed blocks of a map, from the names of columns; those of a known logger have priority.
+    """Return the blocks of a log's map, guessed from the names of its columns.
 
-    Commanded or demanded quantities (`rc_roll`, `roll_cmd`, `DesYaw`) are never mistaken for measurements.
+    A block says which columns hold one quantity, in which frame and unit.  Names of a known logger have
+    priority.  Commanded or demanded quantities (`rc_roll`, `roll_cmd`, `DesYaw`) are never mistaken for
+    measurements.
 
     Args:
         names: The log's columns.

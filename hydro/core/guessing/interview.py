@@ -39,14 +39,14 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Question:
-    """One question.
+    """One question of `hydro start` to its user.
 
     Attributes:
         key: Subject: `lines`, a line of the map, `vehicle` or `hull`.
         text: The question.
         default: Answer that Enter gives; empty without a default.
         option: Option that gives the answer on the command line.
-        check: Raises DataError for an invalid answer.
+        check: Function of an answer that raises DataError if the answer is invalid.
     """
 
     key: str
@@ -57,9 +57,12 @@ class Question:
 
 
 def lacking(blocks: Mapping[str, Block]) -> list[str]:
-    """Return the names of required blocks of a map that are missing.
+    """Return the names of required blocks that a map lacks.
 
     Required are `time`, `commands`, and one of the measured quantities, named together as `a, b or c`.
+
+    Args:
+        blocks: Blocks of the map by name; a block says which columns hold one quantity.
     """
     missing = [name for name in ("time", "commands") if name not in blocks]
     return missing if any(name in blocks for name in BLOCKS) else [*missing, listed(BLOCKS, "or")]
@@ -74,10 +77,10 @@ def about_map(
 
     Args:
         columns: All columns of the log.
-        blocks: The guessed blocks of a map.
+        blocks: Guessed blocks of a map by name; a block says which columns hold one quantity.
 
     Returns:
-        The blocks after the answers.
+        A new dict of the blocks after the answers.
     """
     found = dict(blocks)
     asked = list(KINDS)
@@ -144,7 +147,7 @@ def by_options(
     Args:
         fleet: Vehicles that can be chosen by name.
         thrusters: Number of commands in the log.
-        name: Name of a preset; None if not given.
+        name: Name of a preset (a vehicle of `fleet`); None if not given.
         layout: Name of a layout of thrusters; None if not given.
         hull: The given ones of `mass` [kg], `length`, `width`, `height` [m] and `thrust` [N], by these names.
 

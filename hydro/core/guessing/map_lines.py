@@ -48,11 +48,11 @@ _COUNT = re.compile(r"\{(\d+)\.\.(\d+)\}|(?<=\[)(\d+)\.\.(\d+)(?=\])")
 
 
 def text_of(name: str, block: Mapping[str, Any] | None) -> str:
-    """Return the text form of a block, `none` without a block.
+    """Return a block of a map as one line of text, such as `dvl_{x,y,z} FLU m/s`; `none` without a block.
 
     Args:
-        name: Name of the block, one of KINDS.
-        block: The block as a map file has it.
+        name: Name of the block, one of KINDS, such as `velocity`.
+        block: The block as a map file has it; None without a block.
     """
     if block is None:
         return NONE
@@ -67,11 +67,11 @@ def text_of(name: str, block: Mapping[str, Any] | None) -> str:
 
 
 def block_of(name: str, text: str, columns: Sequence[str]) -> Block | None:
-    """Return the block of a map, as a map file has it, from its text form; None for the text `none`.
+    """Return the block of a map that a line of text describes, as a map file has it; None for `none`.
 
     Args:
-        name: Name of the block, one of KINDS.
-        text: The text.
+        name: Name of the block, one of KINDS, such as `velocity`.
+        text: Columns, frames and units, such as `dvl_{x,y,z} FLU m/s`.
         columns: All columns of the log; a unique ending names a column.
 
     Raises:
@@ -143,9 +143,10 @@ def _command(source: Any) -> Any:
 
 
 def column_of(word: str, columns: Sequence[str]) -> Any:
-    """Return a column as a map file has it, found by its name or by a unique ending.
+    """Return the entry of a map for the log's column that a word names by its name or a unique ending.
 
-    This is the full name, or with `*SCALE+OFFSET` after the word a table of `column`, `scale` and `offset`.
+    The entry is the full name, or with `*SCALE+OFFSET` after the word a table of `column`, `scale` and
+    `offset`.
 
     Args:
         word: Name or ending after a slash or dot, optionally followed by `*SCALE` and `+OFFSET`.

@@ -24,12 +24,12 @@ SAME_QUANTITY = ("attitude", "velocity", "rates")
 
 
 class Source(NamedTuple):
-    """Columns of one quantity in the logs of a logger.
+    """Columns of one quantity in the logs of a known logger.
 
     Attributes:
         stem: Name of the columns, with `*` where they differ.
         parts: Replacements of `*`, one for each column.
-        settings: Further keys of the block of a map, such as the unit.
+        settings: Further keys of the quantity's block in a map, such as the unit.
     """
 
     stem: str
@@ -46,11 +46,14 @@ PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5}
 
 
 def depth_of_pressure(column: str, unit: str) -> Block:
-    """Return a column of a map, `column`, `scale` and `offset`, that makes a depth [m] of absolute pressure.
+    """Return the entry of a map that makes a depth [m] of a column with an absolute pressure.
 
     Args:
         column: Name of the column with the pressure.
-        unit: Key of PRESSURE_UNITS.
+        unit: Unit of the pressure, a key of PRESSURE_UNITS.
+
+    Returns:
+        A dict with the keys `column`, `scale` and `offset`.
     """
     return {"column": column, "scale": PRESSURE_UNITS[unit] / WATER, "offset": -ATMOSPHERE / WATER}
 
@@ -174,11 +177,11 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
 def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str | None, dict[str, Block]]:
     """Return the name of the logger that a log's column names fit, and its blocks of a map by name.
 
-    It is None, with no blocks, where no preset fits.
+    A block says which columns hold one quantity.  Name and blocks are None and empty where no logger fits.
 
     Args:
         names: The log's columns.
-        preset: Name of a preset; by default the one with the most blocks, if it has at least two.
+        preset: Name of a logger in PRESETS; by default the one with the most blocks, if it has at least two.
 
     Raises:
         DataError: No column has a name of the given preset.
@@ -198,14 +201,15 @@ def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str 
 def other_sources(names: Sequence[str], blocks: Mapping[str, Block]) -> list[tuple[str, Block]]:
     """Return further blocks for attitude, velocity and rates in a log of a known logger.
 
-    Each is a pair of the quantity's name and a block of a map.
-
-    A log may have the same quantity in several messages, for instance the attitude in a pose and in an IMU
-    message.
+    A block says which columns hold one quantity.  A log may have the same quantity in several messages, for
+    instance the attitude in a pose and in an IMU message.
 
     Args:
         names: The log's columns.
-        blocks: Blocks of its map by name; quantities whose block is not that of the preset are skipped.
+        blocks: Blocks of the log's map by name; quantities whose block is not that of the logger are skipped.
+
+    Returns:
+        Pairs of the quantity's name and a block of a map.
     """
     preset, known = preset_blocks(names)
     if preset is None:
@@ -245,12 +249,12 @@ def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
 
 
 def vertical_block(column: str, kind: str, settings: Mapping[str, Any]) -> Block:
-    """Return the position block of a map that has a depth alone.
+    """Return the position block of a map for a log that has a depth alone.
 
     Args:
         column: Column of the depth, height or pressure.
         kind: `depth`, `height` or `pressure`.
-        settings: Further keys of the block, such as the unit; they override its own.
+        settings: Further keys of the block, such as the unit; they override those of the result.
     """
     if kind == "pressure":
         return {"depth": {"column": column}, "pressure": None, **settings}

@@ -21,12 +21,13 @@ WEATHER = 0.1
 
 
 def refined(blocks: Mapping[str, Block], values: Values) -> tuple[dict[str, Block], list[str]]:
-    """Return guessed blocks refined by the values of their columns, and a line of text for each change.
+    """Return guessed blocks of a map refined by the values of their columns, and a line of text per change.
 
-    The given blocks do not change.  A unit stated in a name stays.
+    A block says which columns hold one quantity.  The given blocks do not change.  A unit stated in a
+    column's name stays.
 
     Args:
-        blocks: The blocks of a map from `aliases.guess`.
+        blocks: The blocks of a map by name, from `aliases.guess`.
         values: Function from the name of a column to its values, or to None if it has none.
     """
     found, notes = {name: dict(block) for name, block in blocks.items()}, []

@@ -11,11 +11,12 @@ Block = dict[str, Any]
 
 
 def validity(names: Sequence[str], blocks: Mapping[str, Block]) -> dict[str, str]:
-    """Return the column that marks valid samples of each block, found by its name.
+    """Return the columns that mark valid samples of a sensor, found by their names.
 
     Args:
         names: The log's columns.
-        blocks: The blocks of a map; blocks with `valid` are skipped.
+        blocks: The blocks of a map by name (a block says which columns hold one quantity); blocks with
+            `valid` are skipped.
 
     Returns:
         The column by the name of the block, for blocks that have one.

@@ -12,12 +12,12 @@ from hydro.core.vehicle.description import Vector3
 
 @dataclass(frozen=True)
 class Hull:
-    """Mass, box and thrust, from which a vehicle file is estimated together with a layout of thrusters.
+    """Mass, box and thrust of a vehicle, from which its file is estimated with a layout of thrusters.
 
     Attributes:
         mass: Dry mass [kg].
         sides: Length, width, height [m] of the hull's box.
-        thrust: Greatest thrust of each thruster [N]; None where they are T200s.
+        thrust: Greatest thrust of each thruster [N]; None for thrusters of the type T200.
     """
 
     mass: float
@@ -26,20 +26,20 @@ class Hull:
 
     @property
     def text(self) -> str:
-        """The numbers as text, separated by spaces."""
+        """Mass, sides and, if given, thrust as text, separated by spaces."""
         numbers = [self.mass, *self.sides, *([] if self.thrust is None else [self.thrust])]
         return " ".join(f"{number:.9g}" for number in numbers)
 
 
 @dataclass(frozen=True)
 class Preset:
-    """Vehicle with a name.
+    """Known vehicle that can be chosen by its name.
 
     Attributes:
-        name: Its name.
+        name: Name of the vehicle.
         thrusters: Number of thrusters.
         hull: Mass and box.
-        layout: Layout for the estimate of its file; None if it has a bundled file.
+        layout: Layout of thrusters, for the estimate of its file; None if it has a bundled file.
         servos: Whether some of its commands drive servos of fins.
     """
 
@@ -72,9 +72,16 @@ class Choice:
 
 
 def suited(fleet: Sequence[Preset], thrusters: int) -> Preset | None:
-    """Return the lightest preset with a number of thrusters, because most vehicles are small; else None.
+    """Return the lightest known vehicle with a number of thrusters, because most vehicles are small.
 
-    A preset with fins is never guessed: the number of commands does not show which of them drive servos.
+    A vehicle with fins is never guessed: the number of commands does not show which of them drive servos.
+
+    Args:
+        fleet: Vehicles that can be chosen by name.
+        thrusters: Number of thrusters.
+
+    Returns:
+        The vehicle; None if no vehicle has that number.
     """
     alike = (one for one in fleet if one.thrusters == thrusters and not one.servos)
     return min(alike, key=lambda one: one.hull.mass, default=None)
@@ -95,7 +102,7 @@ def chosen(text: str, fleet: Sequence[Preset], thrusters: int) -> Choice:
 
     Args:
         text: The answer.
-        fleet: Vehicles that can be chosen by name.
+        fleet: Vehicles that can be chosen by name (presets).
         thrusters: Number of commands in the log.
 
     Raises:
@@ -149,7 +156,7 @@ def command_line(layout: Layout, hull: Hull, output: str) -> tuple[str, ...]:
 
     Args:
         layout: Layout of the thrusters, also the name of the vehicle.
-        hull: Mass, box and thrust.
+        hull: Mass, box and thrust of the vehicle.
         output: Path of the file to write.
     """
     sides = [
@@ -163,7 +170,7 @@ def command_line(layout: Layout, hull: Hull, output: str) -> tuple[str, ...]:
 
 
 def presets_named(fleet: Sequence[Preset], thrusters: int) -> str:
-    """Return the names of presets with a number of thrusters, or of all if none fits, as text `a, b or c`."""
+    """Return the names of vehicles with a number of thrusters, or of all if none fits, as `a, b or c`."""
     return listed(
         [one.name for one in fleet if one.thrusters == thrusters] or [one.name for one in fleet], "or"
     )

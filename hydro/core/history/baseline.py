@@ -37,14 +37,14 @@ LEAST_DRAG = 0.02
 
 @dataclass(frozen=True)
 class Baseline:
-    """Unchanged vehicle, to which every dive is compared.
+    """Unchanged vehicle, to which every dive of a history is compared.
 
     Attributes:
         vehicle: Vehicle file.
         law: Hull-force model fitted to all baseline dives.
         without: For each baseline dive by name, the hull-force model fitted to the other baseline dives.
-        sigma: Standard deviation of pose and velocity, sensor noise and error of the hull-force model, (12,)
-            [m, rad, m/s, rad/s].
+        sigma: Standard deviation of pose and velocity, from sensor noise and error of the hull-force model,
+            (12,) [m, rad, m/s, rad/s].
         drag: Drag on each axis.
         parameters: Parameters to estimate in every dive.
     """
@@ -66,7 +66,7 @@ class Baseline:
 
 
 def learn_baseline(vehicle: Vehicle, dives: Mapping[str, pl.DataFrame]) -> Baseline:
-    """Return the baseline, learnt from dives of the unchanged vehicle.
+    """Return the baseline of a history, learnt from dives of the unchanged vehicle.
 
     Args:
         vehicle: Vehicle file.
@@ -119,7 +119,7 @@ def _corrected(vehicle: Vehicle, transitions: Transitions, dive: Rows, laws: lis
 
 
 def drag_of(vehicle: Vehicle, shots: Shots, law: Regression) -> Drag:
-    """Return the drag of the vehicle file and its hull-force model together, by axis.
+    """Return the drag, by axis, that the vehicle file and its hull-force model give together.
 
     On each axis, linear and quadratic drag in the velocity of this axis are fitted to the force along the
     measured motion, together with inertia, attitude and a constant.  The coefficients are at least 0; both

@@ -45,10 +45,10 @@ MOST_PRIOR = 20.0
 
 @dataclass(frozen=True)
 class Alarm:
-    """Level shift of one parameter, as found.
+    """Alarm of the tests: a level shift of one parameter of the vehicle.
 
     Attributes:
-        parameter: Row of the parameter in the values.
+        parameter: Row of the parameter in the table of estimates, from 0.
         date: Number of the first dive after the shift, from 0.
         found: Number of the dive whose estimate caused the alarm, from 0.
     """
@@ -59,7 +59,7 @@ class Alarm:
 
 
 def alarms(values: Array, errors: Array, baseline: int, level: float = LEVEL) -> list[Alarm]:
-    """Return the level shifts in a history in the order in which added dives show them.
+    """Return the level shifts in a history of estimates, in the order in which added dives show them.
 
     After a shift is found, only the dives since then are compared.
 
@@ -83,11 +83,11 @@ def alarms(values: Array, errors: Array, baseline: int, level: float = LEVEL) ->
 
 @dataclass(frozen=True)
 class Shifts:
-    """Tests of P parameters for a level shift at K dates.
+    """Results of tests of P parameters for a level shift at K dates.
 
     Attributes:
-        dates: First dive after the shift, (K,).
-        p: p-value of each parameter at each date, (P, K); NaN where it was not tested.
+        dates: Number of the first dive after the shift, from 0, (K,).
+        p: p-value of each parameter at each date, (P, K); NaN where no shift was tested.
     """
 
     dates: Rows
@@ -96,6 +96,8 @@ class Shifts:
 
 def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
     """Return p-values of level shifts, for every parameter at every possible date.
+
+    A date is the number of the first dive after a shift, from 0.
 
     Args:
         values: Estimates of P parameters in N dives, (P, N); NaN where a dive has none.
@@ -133,12 +135,12 @@ def shifts(values: Array, errors: Array, begin: Rows, baseline: int) -> Shifts:
 def variances(errors: Array, there: Mask) -> Array:
     """Return the variance of each estimate up to a common factor for each parameter, (P, N).
 
-    It is the mean of the squared standard error and of the median of these squares over the dives.  So a dive
-    with a far too small standard error does not outweigh all others.
+    A variance is the mean of the squared standard error and of the median of these squares over the dives.
+    So a dive with a far too small standard error does not outweigh all others.
 
     Args:
         errors: Standard errors of P parameters in N dives, (P, N).
-        there: Which of the estimates exist, (P, N).
+        there: Mask of the estimates that exist, (P, N).
     """
     stated = np.where(there, errors, np.nan) ** 2
     with np.errstate(all="ignore"):
@@ -150,13 +152,13 @@ def variances(errors: Array, there: Mask) -> Array:
 
 
 def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Array]:
-    """Return the scatter of the estimates about their means, shrunk towards the mean scatter.
+    """Return the scatter of the estimates about their means, shrunk towards the mean over all parameters.
 
     Args:
         squares: Weighted sum of squares of P parameters about their means before and after each of K dates,
             (P, K).
         freedom: Degrees of freedom of these sums, (P, K).
-        tested: Which parameters and dates count, (P, K).
+        tested: Mask of the parameters and dates that count, (P, K).
 
     Returns:
         Mean squared deviations in units of the squared standard errors, and their degrees of freedom, (P, K)
@@ -178,7 +180,10 @@ def moderated(squares: Array, freedom: Array, tested: Mask) -> tuple[Array, Arra
 
 
 def inverse_trigamma(y: Array) -> Array:
-    """Return x > 0 with trigamma(x) = y > 0, by Newton's method on 1 / trigamma (Smyth 2004, appendix)."""
+    """Return the positive x for which the trigamma function has the value y > 0, an array like `y`.
+
+    Newton's method is applied to 1 / trigamma (Smyth 2004, appendix).
+    """
     x = 0.5 + 1.0 / y
     for _ in range(20):
         value = scipy.special.polygamma(1, x)

@@ -28,14 +28,14 @@ It is positive evidence on the scale of Kass and Raftery, Journal of the America
 
 @dataclass(frozen=True)
 class Change:
-    """Change of one parameter.
+    """Change of one parameter of a vehicle over its dives.
 
     Attributes:
-        parameter: Row of the parameter in the values.
+        parameter: Row of the parameter in the table of estimates, from 0.
         kind: `shift` or `trend`.
-        date: First dive after a shift, or last dive before a trend, from 0.
-        found: Dive whose estimate caused the alarm, from 0.
-        before: Level before the change.
+        date: Number of the first dive after a shift, or of the last dive before a trend, from 0.
+        found: Number of the dive whose estimate caused the alarm, from 0.
+        before: Level of the parameter before the change.
         after: Level after a shift, or at the last dive of a trend.
         error: Standard error of the difference of the levels.
     """
@@ -61,8 +61,8 @@ class Fitted:
     Attributes:
         cost: Sum of squared residuals, in units of the variances.
         levels: Fitted value in each dive, (N,).
-        coefficients: Coefficients of the C columns, (C,).
-        covariance: Covariance of the coefficients, up to the scatter factor, (C, C).
+        coefficients: Coefficients of the C columns of the regression, (C,).
+        covariance: Covariance of the coefficients, up to the factor of the scatter, (C, C).
     """
 
     cost: float
@@ -72,7 +72,7 @@ class Fitted:
 
 
 def changes(values: Array, errors: Array, baseline: int, level: float = LEVEL) -> list[Change]:
-    """Return the changes in a history of estimates, in the order of their dates.
+    """Return the level shifts and trends in a history of estimates, in the order of their dates.
 
     Args:
         values: Estimates of P parameters in N dives, (P, N); NaN where a dive has none.
@@ -91,13 +91,13 @@ def changes(values: Array, errors: Array, baseline: int, level: float = LEVEL) -
 
 
 def levels(values: Array, errors: Array, found: Sequence[Change], row: int) -> Array:
-    """Return the fitted level of one parameter in every dive, (N,).
+    """Return the value of one parameter in every dive, fitted with the changes that were found, (N,).
 
     Args:
         values: Estimates of P parameters in N dives, (P, N).
         errors: Standard errors of the estimates, (P, N).
         found: All changes of the history, from `changes`.
-        row: Row of the parameter.
+        row: Row of the parameter in `values`.
     """
     there = np.isfinite(values[row]) & np.isfinite(errors[row])
     variance = variances(errors[row : row + 1], there[None])[0]

@@ -29,9 +29,9 @@ It is 1.5 % of the buoyancy.
 
 @dataclass(frozen=True)
 class History:
-    """Estimates of all dives, and the changes in them.
+    """Estimates of a vehicle's parameters in all its dives, and the changes that they show.
 
-    Thrust and drag are relative to their mean over the baseline dives, the net buoyancy is the difference
+    Thrust and drag are relative to their mean over the baseline dives; the net buoyancy is the difference
     from that mean.
 
     Attributes:
@@ -59,20 +59,20 @@ class History:
 
     @property
     def headline(self) -> str:
-        """All changes in sentences, or a sentence that there are none."""
+        """All changes in sentences as one text, or a sentence that there are none."""
         return headline(self.sentences, len(self.dives), self.baseline)
 
     @property
     def levels(self) -> Array:
-        """Level of each parameter in each dive, fitted with its changes, (P, N)."""
+        """Level of each parameter in each dive: constant between changes, as fitted with them, (P, N)."""
         rows = range(len(self.parameters))
         found = [levels(self.values, self.errors, self.found, row) for row in rows]
         return np.array(found).reshape(self.values.shape)
 
     def table(self) -> pl.DataFrame:
-        """Return the estimates with their fitted levels as a table with columns COLUMNS.
+        """Return a new table of the estimates with their fitted levels, whose columns are COLUMNS.
 
-        It has one row per dive and parameter, sorted by dive.  Dives count from 1.
+        There is one row per dive and parameter, sorted by dive.  Dives count from 1.
         """
         level, flags = self.levels, self.flags
         rows = [
@@ -92,7 +92,7 @@ class History:
         return pl.DataFrame(rows, schema=COLUMNS)
 
     def changes_table(self) -> pl.DataFrame:
-        """Return the changes as a table with the columns CHANGE_COLUMNS, one row each."""
+        """Return a new table of the changes with the columns CHANGE_COLUMNS, one row per change."""
         rows = [
             {
                 "parameter": self.parameters[one.parameter].name,
@@ -111,9 +111,10 @@ class History:
 
     @property
     def flags(self) -> list[list[str]]:
-        """Flag of each estimate, by parameter and dive: baseline, unchanged, changed or found.
+        """Flag of each estimate: for each parameter a list with one word per dive.
 
-        `found` marks the dive whose estimate caused the alarm.
+        `baseline` and `unchanged` precede all changes of the parameter; `changed` follows one; `found` marks
+        the dive whose estimate caused the alarm.
         """
         count = len(self.dives)
         flags = [
@@ -162,7 +163,7 @@ def history(
     Args:
         parameters: Parameters of the estimates.
         estimates: Estimates of each dive by name, in order; the baseline dives first.
-        baseline: Names of the baseline dives.
+        baseline: Names of the baseline dives, which the vehicle made unchanged.
     """
     values = np.array([one.values for one in estimates.values()]).T
     errors = np.array([one.errors for one in estimates.values()]).T

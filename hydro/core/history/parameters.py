@@ -64,7 +64,7 @@ class Parameter:
 
     @property
     def reported(self) -> bool:
-        """Whether the parameter belongs to the vehicle, not to the water of one dive."""
+        """Whether the parameter belongs to the vehicle, not to the water of one dive as a current does."""
         return self.kind != CURRENT
 
 
@@ -106,13 +106,13 @@ def parameters_of(vehicle: Vehicle, drag: Drag) -> tuple[Parameter, ...]:
 
 
 def vehicle_at(vehicle: Vehicle, drag: Drag, parameters: Sequence[Parameter], values: Array) -> Vehicle:
-    """Return the vehicle with the given parameter values, as effects added to those of its file.
+    """Return a copy of a vehicle with given parameter values, as effects added to those of its file.
 
     Args:
         vehicle: Vehicle file.
         drag: Drag of the unchanged vehicle, which drag parameters scale.
         parameters: The P parameters.
-        values: Their values, (P,).
+        values: Values of the parameters, (P,).
     """
     gains, linear, quadratic, current = (np.zeros(len(vehicle.thruster)), *np.zeros((3, 6)))
     given, lift = 1.0 + candidate(vehicle).thrusters[:, GAIN], 0.0

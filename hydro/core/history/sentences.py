@@ -18,7 +18,7 @@ def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
     Args:
         change: The change.
         parameter: The parameter that changed.
-        dives: Names of all dives.
+        dives: Names of all dives, in order.
     """
     when = _when(change, dives)
     if parameter.kind == THRUST:
@@ -35,7 +35,7 @@ def sentence(change: Change, parameter: Parameter, dives: Sequence[str]) -> str:
 
 
 def headline(found: Sequence[str], dives: int, baseline: int) -> str:
-    """Return the first line of the report: all changes, or that there are none.
+    """Return the first line of a history's report: all changes, or that there are none.
 
     Args:
         found: One sentence for each change.

@@ -73,7 +73,7 @@ def fit(
     most: int | None = MOST_SHOTS,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit named effects to a recording.
+    """Return a fit of named effects to a recording, with standard errors and warnings.
 
     Args:
         vehicle: The vehicle.  Effects of its file start from their values, new effects from zero.  Standard
@@ -81,14 +81,13 @@ def fit(
         raw: Raw table of the measured motion and commands.
         effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
             choice), or tables with initial values.
-        method: `output` or `equation`.
-        noise: Standard deviation of pose and velocity, (12,); by default estimated from the data.
-        most: Shots of output error and windows of equation error, spread evenly over a longer recording; None
-            for no limit.
+        method: `output`, which minimises errors of predictions, or `equation`, which minimises errors of the
+            equations of motion along the smoothed motion.
+        noise: Standard deviations of pose and velocity, (12,) [m, rad, m/s, rad/s]; by default estimated from
+            the data.
+        most: Maximum number of shots (`output`) or windows (`equation`), spread evenly over a longer
+            recording; None for no limit.
         progress: Called with a few words and the share of the work done.
-
-    Returns:
-        Values with standard errors and warnings.
 
     Raises:
         DataError: An effect or the recording is invalid (such as wrongly named columns), or the motion
@@ -202,7 +201,7 @@ def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | No
 def by_equation_error(
     unknown: Free, windows: weak_form.Windows, reach: Array
 ) -> tuple[Array, Problem, float]:
-    """Return the best equation-error fit over all initial guesses, with its reduced chi-square.
+    """Return the values, among fits by equation error from all initial guesses, with the smallest cost.
 
     Args:
         unknown: The P free components.

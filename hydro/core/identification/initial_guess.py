@@ -28,9 +28,9 @@ KEPT = 4
 
 
 def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Array, ...]:
-    """Return initial values of the free components, (P,) each, the best first.
+    """Return several vectors of initial values of the free components, (P,) each, the best first.
 
-    If all effects are linear, they are those of `unknown`.
+    If all effects are linear, these are the starts that `unknown` has.
 
     Args:
         unknown: The P free components.
@@ -51,7 +51,7 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
 
 
 def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost: float) -> tuple[Array, ...]:
-    """Return other initial values of the components that may lead to a smaller cost.
+    """Return other initial values of the free components that may lead to a smaller cost than a fit has.
 
     A fit that starts from wrong values of the file may end in a local minimum: for example, with a tether
     whose anchor is wrong by the tether's length, or with a delay that does not exist.  So all trial shapes of

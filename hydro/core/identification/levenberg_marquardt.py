@@ -43,7 +43,7 @@ FINER = 2.0**0.5  # ratio of consecutive distances in the search for a standard 
 
 @dataclass(frozen=True)
 class Prior:
-    """Normal prior distribution of parameters, in units of the components' scales.
+    """Normal prior distribution of P independent parameters, in units of the components' scales.
 
     Attributes:
         centre: Mean of the distribution, (P,).
@@ -63,7 +63,7 @@ class Prior:
         return cls(start, np.full(len(start), PRIOR**-2))
 
     def cost(self, x: Array) -> float:
-        """Return the sum of squared deviations of values from the prior's mean, times its information.
+        """Return the sum of squared deviations of values from the prior's mean, each times its information.
 
         Args:
             x: Values in units of the components' scales, (P,).
@@ -76,28 +76,31 @@ PROFILE = (-2.0, -1.0, 1.0, 2.0)
 
 
 class Problem(Protocol):
-    """Protocol of a least-squares problem whose parameters are numbers of a vehicle file."""
+    """Protocol of a least-squares problem whose parameters are numbers of a vehicle file.
+
+    A problem may have internal unknowns, such as the initial states of shots, and weights of its residuals.
+    """
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Return the problem linearised about a vehicle.
+        """Return the normal equations of the problem, linearised about a vehicle.
 
         Args:
             base: The vehicle.
             moved: Copies of the vehicle with one changed parameter each.
-            steps: Size of each change, in the unit of the problem's parameters.
+            steps: Size of each change, in units of the parameter's scale.
         """
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Problem]:
-        """Return the sum of squares after a step, and a problem with its internal unknowns updated.
+        """Return the sum of squares after a step, and a new problem with its internal unknowns updated.
 
         Args:
             vehicle: Vehicle after the step.
-            step: Step of the P parameters, (P,).
+            step: Change of the P parameters, in units of their scales, (P,).
             normal: Problem linearised before the step.
         """
 
     def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
-        """Return a problem with weights that fit its residuals, and whether the weights changed.
+        """Return a new problem with weights that fit its residuals, and whether the weights changed.
 
         Args:
             normal: Problem linearised at the present estimate.
@@ -114,19 +117,19 @@ def descend(
     prior: Prior | None = None,
     normal: Normal | None = None,
 ) -> tuple[Array, Normal, Problem]:
-    """Minimise the cost by Levenberg-Marquardt iterations within bounds, in units of the components' scales.
+    """Minimise the cost of a problem by Levenberg-Marquardt steps within bounds; return values and problem.
 
     The iteration ends when a step lowers the cost by too little.  The limit is `enough` times the reduced
     chi-square, or `share` times the cost in excess of the noise, whichever is larger.
 
     Args:
         unknown: The P free components.
-        start: Initial values, (P,).
+        start: Initial values in the components' units, (P,).
         problem: The problem.
         iterations: Maximum number of steps.
         enough: Factor of the reduced chi-square in the limit of the gain.
         share: Factor of the cost in excess of the noise in that limit.
-        prior: Prior of the values; by default a weak one.
+        prior: Prior of the values; by default a weak prior about `start`.
         normal: Problem linearised at `start`, if available.
 
     Returns:
@@ -216,10 +219,10 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
 
     Args:
         normal: Linearised problem.
-        columns: Indices of the p columns.
+        columns: Indices of the p columns (components) that may change.
 
     Returns:
-        Reduction of the squared residual, and coefficients, (p,).
+        Reduction of the squared residual, and coefficients of the columns, (p,).
     """
     chosen = list(columns)
     known = normal.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
@@ -239,8 +242,8 @@ def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 
         unknown: The P free components.
         values: Initial values, (P,).
         problem: The problem.
-        narrowest: Spacing of trial values at which the search ends, in units of the component's scale; it
-            at the component's resolution if that is wider.
+        narrowest: Spacing of trial values at which the search ends, in units of the component's scale; the
+            search ends at the component's resolution if that is wider.
 
     Returns:
         New values, (P,).
@@ -280,7 +283,7 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 
     For such a component, for example a dead band, the difference is sqrt(26) standard errors wide, for which
     the module gives the reason.  Widths are tried from wide to narrow.  The loop ends at a width that
-    no row of commands.
+    contains no row of commands.
 
     Args:
         unknown: The P free components.
@@ -314,10 +317,10 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
 def profiled(
     unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
 ) -> Array:
-    """Return standard errors that include the uncertainty of given components beyond linearity, (P,).
+    """Return standard errors that include the nonlinear uncertainty of given components, (P,).
 
     An undetermined exponent makes its coefficient far more uncertain than the local curvature shows, since a
-    drag with another exponent may imitate a quadratic one.  Each such component is set to each offset of
+    drag with another exponent may imitate a quadratic drag.  Each given component is set to each offset of
     PROFILE, and all other components are refitted.  Each of these fits has the weight of its likelihood.  The
     variance of a value is the mean variance of the fits plus the variance between them.
 
@@ -327,7 +330,7 @@ def profiled(
         normal: The problem linearised at the values.
         problem: The fitted problem.
         errors: Standard errors of the values, (P,).
-        entries: Indices of the components that are set to offsets.
+        entries: Indices of the given components.
     """
     found = errors.copy()
     for i in entries:
@@ -369,6 +372,6 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
 
 
 def errors_of(normal: Normal) -> Array:
-    """Return the standard errors of the P parameters of a linearised problem, in units of their scales."""
+    """Return standard errors of a linearised problem's P parameters in units of their scales, (P,)."""
     count = normal.score.shape[1]
     return np.asarray(np.sqrt(np.diag(covariance(normal, np.full(count, PRIOR**-2)))))

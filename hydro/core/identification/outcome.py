@@ -64,11 +64,12 @@ class Fit:
     changes: tuple[str, ...] = ()
 
     def tables(self) -> tuple[dict[str, Any], ...]:
-        """Return the `[[effect]]` tables of the fitted effects, with their standard errors.
+        """Return the fitted effects, one dict each, as their `[[effect]]` tables in a vehicle file.
 
-        Values are rounded to a hundredth of their standard errors.  Damping at the limit of passivity keeps
-        as many more digits as it needs to stay passive.  A parameter that another one replaces, such as
-        `diagonal` by `matrix`, is None.
+        Each has the `name`, the values by parameter, and `standard_error`, a dict by parameter.  Values are
+        rounded to a hundredth of their standard errors.  Damping at the limit of passivity keeps as many more
+        digits as it needs to stay passive.  A parameter that another one replaces, such as `diagonal` by
+        `matrix`, is None.
         """
         places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
         values = self._rounded(places)
@@ -88,7 +89,7 @@ class Fit:
     def table(self, effect: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return values and standard errors of one fitted effect, as two dictionaries by parameter.
 
-        Values are rounded as in `tables`; parameters that another one replaces are left out.
+        Values are rounded as in `tables`.  A parameter that another parameter replaces is left out.
 
         Args:
             effect: Name of the effect.
@@ -104,7 +105,7 @@ class Fit:
         raise KeyError(effect)
 
     def estimates(self) -> Estimates:
-        """Return the fitted values as written in `tables`, with their covariance."""
+        """Return an object with the fitted values, rounded as in `tables`, and their covariance."""
         written = {table["name"]: table for table in self.tables()}
         entries = tuple(
             Estimate(
@@ -123,9 +124,10 @@ class Fit:
         return np.array([round(value, digits) for value, digits in pairs])
 
     def frame(self) -> pl.DataFrame:
-        """Return a table with a row for each component.
+        """Return a new table with a row for each fitted component.
 
-        Its columns are `parameter`, `value`, `standard_error`, `unit` and `determined` (by the data).
+        Its columns are `parameter` (the component's name), `value`, `standard_error`, `unit` and
+        `determined`, whether the data determine the value.
         """
         entries = self.free.entries
         return pl.DataFrame(
@@ -147,7 +149,10 @@ def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
 
 
 def information(normal: Normal) -> Array:
-    """Return X^T X of all pieces, with the columns X, plus the prior information, (P, P)."""
+    """Return the information matrix of a linearised problem: X^T X of all pieces plus the prior's, (P, P).
+
+    X are the residuals' derivatives by the P components, in units of the noise and of the components' scales.
+    """
     information = normal.matrix.sum(axis=0)
     total: Array = information + PRIOR**-2 * np.eye(len(information))
     return total
@@ -168,7 +173,7 @@ def with_uncertainty(
         unknown: The P free components.
         values: Best values, (P,).
         normal: The problem linearised at the values.
-        chi2: Reduced chi-square.
+        chi2: Reduced chi-square, the mean squared residual in units of the noise variance.
         method: `output` or `equation`.
         file: Vehicle whose file gives standard errors; its values count as an independent estimate.
         least: Lower limits of the standard errors, (P,); correlations stay.

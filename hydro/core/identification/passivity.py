@@ -28,16 +28,17 @@ HALVINGS = 20
 
 
 def possible(unknown: Free, values: Array, information: Array) -> Array:
-    """Return the values closest to the fitted ones that `effects.validate` accepts, (P,).
+    """Return the values closest to the fitted ones at which the vehicle passes `effects.validate`, (P,).
 
-    If no cuts succeed, couplings, and then all values, are moved back toward the initial values, or toward
-    zero if the initial values are not accepted either.  The values stay unchanged if zero is not accepted.
+    The check demands a passive hull: total added mass and damping positive semi-definite.  If no projection
+    passes, couplings, and then all values, are moved back toward the initial values, or toward zero if the
+    initial values do not pass either.  The values stay unchanged if zero does not pass.
 
     Args:
         unknown: The P components.
         values: Fitted values, (P,).
-        information: X^T X of the problem at the fitted values, in units of the components' scales, positive
-            definite, (P, P); "closest" is measured with it.
+        information: Information matrix of the problem at the fitted values, in units of the components'
+            scales, positive definite, (P, P); "closest" is measured with it.
     """
     if accepted(unknown, values):
         return values
@@ -57,11 +58,11 @@ def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
 
 
 def accepted(unknown: Free, values: Array) -> bool:
-    """Return whether a vehicle with given values passes all checks of `effects.sums.validate`.
+    """Return whether a vehicle with given values of components passes all checks of `effects.sums.validate`.
 
     Args:
         unknown: The P components.
-        values: Their values, (P,).
+        values: Values of the components, (P,).
     """
     try:
         validate(unknown.at(values))

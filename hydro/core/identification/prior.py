@@ -38,7 +38,7 @@ class Change:
         entry: The component.
         given: Value in the file.
         value: Fitted value.
-        deviations: Difference of both in standard deviations of the prior of the file's value.
+        deviations: Difference of the two values, in standard deviations of the prior of the file's value.
     """
 
     entry: Entry
@@ -50,8 +50,8 @@ class Change:
 def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
     """Return the prior standard deviation of each component of a vehicle file, in its unit, (P,).
 
-    It is the file's `standard_error`; EXACTLY for components marked as known; and KNOWN, relative to the
-    value, otherwise.
+    A component has the file's `standard_error`, if given; EXACTLY, a tiny value, if marked as known; and
+    otherwise KNOWN times its value.
 
     Args:
         file: Vehicle file.
@@ -85,7 +85,7 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
 def combined(
     values: Array, spread: Array, file: Vehicle, entries: Sequence[Entry]
 ) -> tuple[Array, Array, list[str]]:
-    """Combine estimates from a recording with the values and standard errors of a file (a Kalman update).
+    """Return estimates from a recording combined with a file's values and standard errors (a Kalman update).
 
     Args:
         values: Estimates from a recording, (P,).
@@ -118,7 +118,9 @@ def _sizes(file: Vehicle, entries: Sequence[Entry]) -> Array:
 
 
 def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> Change:
-    """Return the component whose fitted value deviates most from the file's, in prior standard deviations.
+    """Return the change of the component whose fitted value differs most from the file's.
+
+    The difference is measured in prior standard deviations.
 
     Args:
         file: Vehicle file.
@@ -132,7 +134,7 @@ def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> C
 
 
 def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:
-    """Shrink fitted values toward those of the vehicle file, by the prior of each (a Kalman update).
+    """Return fitted values shrunk toward those of the vehicle file, by the prior of each (a Kalman update).
 
     Args:
         unknown: The P free components.

@@ -27,7 +27,9 @@ from hydro.core.vehicle.description import Vehicle
 
 @dataclass(frozen=True)
 class Suspect:
-    """Candidate effect as columns of a linear problem, with its nonlinear parameters at fixed values.
+    """Candidate effect, with its nonlinear parameters at fixed values, as columns of a linear problem.
+
+    A column is the change of the residual by one parameter of the effect.
 
     Attributes:
         effect: Name in the catalogue.
@@ -106,7 +108,9 @@ def choice(vehicle: Vehicle, effect: str) -> str:
 
 
 def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = False) -> list[dict[str, Any]]:
-    """Return new `[[effect]]` tables of simpler effects with nearly the same forces, which the vehicle lacks.
+    """Return `[[effect]]` tables of simpler effects with nearly the forces of an effect of a vehicle.
+
+    Simpler effects that the vehicle has already are left out.
 
     Args:
         vehicle: The vehicle with the effect.
@@ -126,7 +130,7 @@ def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = Fals
 
 
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """Return candidates of one effect on a finer grid of nonlinear parameters; empty if none is needed.
+    """Return candidates of one effect for a fine grid of its nonlinear parameters; empty if it needs no grid.
 
     Args:
         vehicle: The vehicle.
@@ -137,7 +141,9 @@ def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list
 
 
 def every_shape(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """Return all candidates for a nonlinear effect that the vehicle lacks, on the coarse and the fine grid.
+    """Return all candidates of a nonlinear effect that the vehicle lacks, for the coarse and the fine grid.
+
+    A grid has fixed values of the effect's nonlinear parameters, one candidate for each.
 
     Args:
         vehicle: The vehicle.
@@ -161,7 +167,7 @@ def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | N
 
 
 def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> Suspect:
-    """Return an effect that is (nearly) linear as one candidate with a column for each component.
+    """Return an effect that is (nearly) linear as one candidate with a column for each of its components.
 
     The columns are derivatives at the effect's present values, or at zero if the vehicle lacks the effect.
 

@@ -1,4 +1,4 @@
-"""Residuals of the two kinematic identities of a log, window by window, for any reading of its columns.
+"""Residuals of the two kinematic identities of a log, window by window, for any meaning of its columns.
 
 A reading is a map that states the frame, unit and sign of each column.  Whatever forces act, the body origin
 moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega) (Fossen 2011, sec. 2.2).  R is the
@@ -48,14 +48,14 @@ MOVING = 2.0
 
 
 def windows(times: Sequence[Array], dt: float) -> list[Array]:
-    """Return the times of the rows of each window, by session; no window extends across a gap.
+    """Return, for each session, the times of the rows of its windows; no window extends across a gap.
 
     Args:
         times: Times of the rows of each session [s].
         dt: Sample time [s].
 
     Returns:
-        Times of the m + 1 rows of each of W windows [s], (W, m + 1) for each session.
+        For each session, times of the m + 1 rows of each of W windows [s], (W, m + 1).
     """
     steps = max(1, round(COMPARED_SECONDS / dt))
     starts = []
@@ -72,7 +72,9 @@ def windows(times: Sequence[Array], dt: float) -> list[Array]:
 
 
 def testable(given: LogMap) -> Mask:
-    """Return a mask of the components that a log can test, three of translation and three of rotation, (6,).
+    """Return a mask, (6,), of the components of pose whose meaning the log's kinematics can test.
+
+    They are three of translation (along NED) and three of rotation (about FRD).
 
     Args:
         given: Map of the log.
@@ -83,7 +85,7 @@ def testable(given: LogMap) -> Mask:
 
 
 def tested(given: LogMap) -> tuple[bool, bool]:
-    """Return whether a log can test any component of translation, and whether any of rotation.
+    """Return two flags: whether a log can test any component of translation, and any of rotation.
 
     Args:
         given: Map of the log.
@@ -94,10 +96,10 @@ def tested(given: LogMap) -> tuple[bool, bool]:
 
 
 class Evidence:
-    """Windows of a log, from which the residuals of any map of its columns are computed.
+    """Windows of a log, from which the residuals of any map (declared meaning) of its columns are computed.
 
-    Values of a block of the map are kept for the next call.  Methods that take a map return values of W
-    windows with m + 1 rows each.
+    Intermediate values of a block of the map are kept for the next call.  Methods that take a map return
+    values of W windows with m + 1 rows each.
 
     Args:
         logs: Sessions of the log.
@@ -192,15 +194,18 @@ class Evidence:
 
     @cached_property
     def few(self) -> Evidence:
-        """Evidence from at most FEW of the windows, spread evenly."""
+        """A smaller set with at most FEW of the windows, spread evenly.
+
+        This set itself if it is small enough.
+        """
         every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
     def mean(self, values: Array, rule: str) -> Array:
-        """Return the mean over each window, (W, 3), of values at its rows, (W, m + 1, 3).
+        """Return the mean over each window, (W, 3), of values in its rows.
 
         Args:
-            values: Values at the rows.
+            values: Values in the rows of each window, (W, m + 1, 3).
             rule: Rule of integration: `trapezoid`, `left` or `right`.
         """
         weights = self.rules[rule]
@@ -209,8 +214,10 @@ class Evidence:
     def translation(self, given: LogMap, rule: str) -> Array:
         """Return the residual of d(position)/dt = R v in each window, (W, 3) [m/s]; 0 if not testable.
 
+        R is the rotation from FRD to NED, v the measured velocity.
+
         Args:
-            given: Map that reads the log.
+            given: Map that gives the meaning of the columns.
             rule: Rule of integration: `trapezoid`, `left` or `right`.
         """
         if given.position is None or given.attitude is None or given.velocity is None:
@@ -221,13 +228,14 @@ class Evidence:
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """Return the residuals of both kinematic identities in each window, (W, 6) [m/s, rad/s].
 
-        Each is the change of the pose over a window, divided by its duration, minus the mean of the measured
-        velocity.  Columns 0-2: change of position minus mean of R v, along NED.  Columns 3-5: sum of the
-        rotation vectors from row to row minus mean of omega, along FRD.  A residual is 0 if the log lacks one
-        side of its identity; of a depth alone, so are north and east.
+        A residual is the change of the pose over a window, divided by its duration, minus the mean of the
+        measured velocity.  Columns 0-2: change of position minus mean of R v, along NED, with the rotation R
+        from FRD to NED and the velocity v.  Columns 3-5: sum of the rotation vectors from row to row minus
+        mean of the rates, about FRD.  A residual is 0 if the log lacks one side of its identity.  If the log
+        has depth but no horizontal position, the residuals north and east are 0.
 
         Args:
-            given: Map that reads the log.
+            given: Map that gives the meaning of the columns.
             rule: Weights of the rows in the mean: `trapezoid` halves the first and the last, `left` leaves
                 out the last, `right` the first.
         """
@@ -240,7 +248,7 @@ class Evidence:
         """Return the root mean square residuals of translation [m/s] and rotation [rad/s], (2,).
 
         Args:
-            given: Map that reads the log.
+            given: Map that gives the meaning of the columns.
             rule: Rule of integration: `trapezoid`, `left` or `right`.
         """
         both = given.attitude is not None and given.rates is not None
@@ -248,34 +256,34 @@ class Evidence:
         return np.array([_rms(self.translation(given, rule)), rotation])
 
     def shares(self, given: LogMap) -> Array:
-        """Return the errors of translation and rotation divided by the motion, (2,).
+        """Return the errors of translation and rotation relative to the size of the motion, (2,).
 
-        Absolute errors would not do, because a log whose millimetres are read as metres has other errors,
-        too.
+        Absolute errors cannot be compared between maps: a log whose millimetres are read as metres has errors
+        a thousand times as large.
 
         Args:
-            given: Map that reads the log.
+            given: Map that gives the meaning of the columns.
         """
         shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
         return np.where(tested(given), shares, SETTLED)
 
     def motion(self, given: LogMap) -> Array:
-        """Return the root mean square rates of position [m/s] and attitude [rad/s], (2,).
+        """Return the root mean square rates of change of position [m/s] and attitude [rad/s], (2,).
 
         Args:
-            given: Map that reads the log; a rate that it cannot give is 0.
+            given: Map that gives the meaning of the columns; a rate that it cannot give is 0.
         """
         placed = given.position is not None and tested(given)[0]
         travelled = self.travelled(given.position) if placed else 0.0
         return np.array([travelled, 0.0 if given.attitude is None else self.turned(given.attitude)])
 
     def moves(self, given: LogMap) -> Mask:
-        """Return a mask, (2,): whether translation, and whether rotation, exceeds the noise of the sensors.
+        """Return two flags, (2,): whether translation, and whether rotation, exceeds the noise.
 
-        An entry is True where the map lacks one of the sensors.
+        A flag is True where the map lacks one of the sensors.
 
         Args:
-            given: Map that reads the log.
+            given: Map that gives the meaning of the columns.
         """
         placed = given.position is not None and given.attitude is not None and given.velocity is not None
         found = [True, True]
@@ -305,22 +313,22 @@ class Evidence:
         return bool(beyond or (mean > np.maximum(LEAST_MOTION, MOVING * noise)).any())
 
     def misfit(self, given: LogMap) -> float:
-        """Return how badly a map fits the log: the mean logarithm of the relative errors of `shares`."""
+        """Return how badly a map fits the log: the mean logarithm of the two relative errors of `shares`."""
         return 0.5 * float(np.log(self.shares(given)).sum())
 
     def upright(self, block: Attitude | None) -> bool:
-        """Return whether the vehicle's down axis points down on average; True without an attitude.
+        """Return whether a map makes the vehicle's down axis point down on average.
 
         Args:
-            block: Attitude block of a map; None without one.
+            block: Attitude block of the map; None without an attitude, for which the result is True.
         """
         return block is None or bool(self.attitude(block)[..., 2, 2].mean() > 0.0)
 
     def above_water(self, block: Position | None) -> float:
-        """Return the fraction of rows with the body origin clearly above the surface; 0 without a position.
+        """Return the fraction of rows in which the body origin is clearly above the surface, 0 to 1.
 
         Args:
-            block: Position block of a map; None without one.
+            block: Position block of a map; None without a position, for which the result is 0.
         """
         if block is None:
             return 0.0

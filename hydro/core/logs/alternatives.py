@@ -1,4 +1,4 @@
-"""Alternative readings of the columns of a log: other frames, units, orders and signs."""
+"""Alternative meanings of the columns of a log: other frames, units, orders and signs."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ RARE = 0.1  # extra cost of NWU over ENU; both fit, since a turn of world and he
 class Change:
     """Change of one block of a map: settings replaced, one column reversed, or two columns exchanged.
 
+    A block is the part of a map for one quantity, such as `velocity`.
+
     Attributes:
         block: Name of the block.
         settings: Replaced settings, as pairs of name and new value.
@@ -47,7 +49,7 @@ class Change:
 
     @property
     def cost(self) -> float:
-        """Number of changed settings, weighted so that the more usual of two mistakes costs less."""
+        """Number of changed settings, weighted so that a more usual mistake costs less."""
         if self.flip is not None:
             return FLIP_COST
         if self.exchange is not None:
@@ -81,7 +83,7 @@ class Change:
         return f"{self.block} looks {now}, not {then} as declared"
 
     def advice(self, declared: LogMap) -> str:
-        """Return words that tell how to correct the map file.
+        """Return a clause that tells how to correct the map file.
 
         Args:
             declared: Map as declared.
@@ -109,7 +111,7 @@ class Change:
 
 
 def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
-    """Return, by the name of the block, the changes of a map to other frames, units, orders and layouts.
+    """Return all changes of a map to other frames, units, orders and layouts, by the name of the block.
 
     One setting changes at a time.  The attitude's world and body also change together: ROS's ENU and FLU are
     easily mistaken for NED and FRD.
@@ -135,7 +137,9 @@ def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
 
 
 def flips(declared: LogMap) -> list[Change]:
-    """Return a change for each column of pose and velocity that reverses it, except columns of a quaternion.
+    """Return one change for each column of pose and velocity that reverses the column's sign.
+
+    Columns of a quaternion are left out.
 
     Args:
         declared: Map of the log.
@@ -148,7 +152,9 @@ def flips(declared: LogMap) -> list[Change]:
 
 
 def exchanges(declared: LogMap) -> list[Change]:
-    """Return a change for each pair of columns of a block that exchanges them, except those of a quaternion.
+    """Return one change for each pair of columns of a block that exchanges the two columns.
+
+    Columns of a quaternion are left out.
 
     Args:
         declared: Map of the log.
@@ -199,7 +205,8 @@ def _negated(source: Number) -> Column:
 def difference(declared: LogMap, found: LogMap) -> list[Change]:
     """Return the changes that turn one map into another.
 
-    Settings of one block are one change; each reversed column and each pair of exchanged columns is another.
+    All settings of one block are one change; each reversed column and each pair of exchanged columns is a
+    further change.
 
     Args:
         declared: The first map.
@@ -232,7 +239,7 @@ def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
 
 
 def cost(declared: LogMap, found: LogMap) -> float:
-    """Return the number of settings in which two maps differ, weighted by how unlikely each mistake is.
+    """Return the number of settings in which two maps differ, weighted so that a usual mistake costs less.
 
     Args:
         declared: The first map.

@@ -44,7 +44,7 @@ ABOVE_NOISE = 5.0
 
 @dataclass(frozen=True)
 class AxisFaults:
-    """Mislabelled columns of a raw table, and the map that reads them correctly.
+    """Mislabelled columns of a raw table, and their true meaning.
 
     Attributes:
         follows: Map with the meaning of the columns that the data show.
@@ -56,14 +56,14 @@ class AxisFaults:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Faults as reported for a corrected table: each message says that the correction is assumed."""
+        """The faults with messages for a corrected table, which say that the correction is assumed."""
         return tuple(
             replace(one, message=f"{one.message}; all else here is reported as if it were so")
             for one in self.wrong
         )
 
     def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
-        """Return a copy of a raw table with values corrected to what the columns' names mean."""
+        """Return a copy of a raw table with values corrected, so that the columns' names are right."""
         return read_as(raw, self.follows)
 
 
@@ -116,7 +116,7 @@ def _judged(called: LogMap) -> Mask:
 
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
-    """Return a raw table converted to NED, FRD and SI from the meaning that a map gives its columns.
+    """Return a copy of a raw table, converted to NED, FRD and SI from the true meaning of its columns.
 
     Args:
         raw: Raw table; it is not changed.

@@ -31,13 +31,13 @@ STRETCHES parts."""
 
 @dataclass(frozen=True)
 class Evened:
-    """Receive times converted to the clock of their sender.
+    """Send times of periodic messages, estimated from their receive times.
 
     Attributes:
         t: Send times [s], (n,); all are late by the shortest delay of a message, which receive times cannot
             show.
-        period: Step of the sender [s].
-        latest: Largest delay of a message relative to the earliest one [s].
+        period: Time between two messages of the sender [s].
+        latest: Largest delay of a message relative to the message with the shortest delay [s].
     """
 
     t: Array
@@ -70,7 +70,7 @@ def require_plausible(step: float, time: Time) -> None:
 
 
 def bunched(t: Array) -> bool:
-    """Return whether stamps come in bursts: many steps far below the mean, as in receive times.
+    """Return whether time stamps come in bursts, as receive times do: many steps are far below the mean.
 
     Args:
         t: Stamps of every message of one topic [s], (n,), not falling.
@@ -83,11 +83,11 @@ def bunched(t: Array) -> bool:
 
 
 def evened(t: Array) -> Evened | None:
-    """Convert receive times of a periodic topic to its sender's clock.
+    """Return the send times of a periodic topic, estimated from its receive times.
 
     A message is received no earlier than it was sent.  So the sender's clock is the closest straight line
-    below the receive times, plotted over the message number.  This line is the edge, at the mean number, of
-    their lower convex hull.  The order is kept.  A pause starts a new line.
+    below the receive times, plotted over the message number: the edge, at the mean number, of their lower
+    convex hull.  The order is kept.  A pause starts a new line.
 
     Args:
         t: Receive times of every message [s], (n,), not falling.

@@ -41,7 +41,7 @@ STRETCHES = 30  # number of blocks of the log for standard errors
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of the test of a log and its map.
+    """Result of the test whether a log follows the map of its columns.
 
     Attributes:
         agreement: RMS difference of the position's rate [m/s] and of the attitude's rate [rad/s] from the
@@ -49,8 +49,8 @@ class Verdict:
         contradictions: One line for each setting of the map that the data contradict.
         notes: Lines on untestable settings and other anomalies.
         follows: Map that the data follow; the declared one if nothing contradicts it.
-        disagree: Whether position and velocity disagree under every reading, and whether attitude and rates
-            do.
+        disagree: Whether position and velocity disagree under every alternative meaning, and whether attitude
+            and rates do.
     """
 
     agreement: tuple[float, float]
@@ -61,13 +61,16 @@ class Verdict:
 
 
 def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap) -> Verdict:
-    """Return a test of a map, and of every other plausible reading of its columns, by the log's kinematics.
+    """Test by the log's kinematics whether its columns mean what a map declares, or something else.
 
     Args:
         logs: The sessions.
         times: Times of the rows of each session [s]; all channels have values there.
         dt: Sample time [s].
-        declared: The declared meaning of the columns.
+        declared: Map with the declared meaning of the columns.
+
+    Returns:
+        The result, with the map that the data follow.
     """
     return _with_turns(_by_kinematics(logs, times, dt, declared), logs)
 
@@ -325,17 +328,17 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
 
 
 def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
-    """Return maps with a change in another block that explain the log as well as `found`.
+    """Return maps with a change in another block that fit the log as well as `found`.
 
-    For a level vehicle, w reversed is equivalent to z reversed.
+    For example, for a level vehicle, w reversed is equivalent to z reversed.
 
     Args:
         evidence: Windows of the log.
-        declared: Declared meaning of the columns.
+        declared: Declared map.
         found: Declared map with a change in one block.
 
     Returns:
-        For each other block, the declared map with the smallest such change, if there is one.
+        For each other block, the declared map with the smallest change that fits, if there is one.
     """
     (own,) = difference(declared, found)
     changes = [change for several in frame_changes(declared).values() for change in several]
@@ -352,7 +355,7 @@ def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
 
 
 def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """Return a line on one setting that the data contradict: what fits, the errors, and the advice.
+    """Return one line on a setting of the map that the data contradict: the true setting, errors and advice.
 
     Args:
         evidence: Windows of the log.

@@ -97,7 +97,7 @@ class SessionLog:
     cut: str = ""
 
     def time_of(self, name: str) -> Array:
-        """Return the times of the rows of a column [s], from its own clock if it has one.
+        """Return the times of a column's rows [s], from its own clock if it has one.
 
         Args:
             name: Name of the column.
@@ -105,7 +105,7 @@ class SessionLog:
         return self.clocks.get(name, self.t)
 
     def channel(self, source: Number) -> Channel:
-        """Return the samples of one column, scaled and offset as the map states; empty cells are left out.
+        """Return the samples of one column, scaled and offset as the map states, without empty cells.
 
         Args:
             source: Column of the map, or its name alone.
@@ -117,7 +117,9 @@ class SessionLog:
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:
-    """Return the position of the body origin, NED, (N, 3) [m]; north and east are 0 for a depth alone.
+    """Return the position of the body origin, NED, (N, 3) [m], interpolated from the log.
+
+    North and east are 0 if the log has a depth alone.
 
     Args:
         log: The session.
@@ -137,7 +139,7 @@ def position(log: SessionLog, block: Position, at: Array) -> Array:
 
 
 def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Return the rotation matrices from FRD to NED, shape (N, 3, 3).
+    """Return the rotation matrices from FRD to NED, (N, 3, 3), interpolated from the log.
 
     Args:
         log: The session.
@@ -148,18 +150,18 @@ def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
 
 
 def own_attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
-    """Return the rotation matrices from the block's body axes to its world axes, shape (N, 3, 3).
+    """Return the rotation matrices from the map's body axes to its world axes, (N, 3, 3).
 
     Args:
         log: The session.
-        block: Attitude block of the map.
+        block: Attitude block of the map, which names these axes.
         at: Times [s], (N,).
     """
     return _quaternions(log, block, at) if block.quaternion is not None else _euler(log, block, at)
 
 
 def in_frames(block: Attitude, turned: Array) -> Array:
-    """Return the rotation matrices from FRD to NED, (..., 3, 3).
+    """Return the rotation matrices from FRD to NED, (..., 3, 3), for matrices between other axes.
 
     Args:
         block: Attitude block of the map, with the frames of body and world, and the sensor's mounting.
@@ -170,7 +172,7 @@ def in_frames(block: Attitude, turned: Array) -> Array:
 
 
 def turn(mount: Mount) -> Array:
-    """Return the rotation matrix from the axes of a mounted sensor to the body's, (3, 3)."""
+    """Return the rotation matrix from a mounted sensor's axes to the body's axes, (3, 3)."""
     if mount.matrix is not None:
         return np.array(mount.matrix, float)
     of_angles = scipy.spatial.transform.Rotation.from_euler
@@ -178,24 +180,24 @@ def turn(mount: Mount) -> Array:
 
 
 def velocity(log: SessionLog, block: Velocity, at: Array, R: Array) -> Array:
-    """Return the velocity of the body origin over ground, FRD [m/s], shape (N, 3).
+    """Return the velocity of the body origin over ground, FRD, (N, 3) [m/s], interpolated from the log.
 
     Args:
         log: The session.
-        block: The block of the velocity.
+        block: Velocity block of the map.
         at: Times [s], shape (N,).
-        R: Rotation from FRD to NED at these times, (N, 3, 3); it rotates a velocity along world axes.
+        R: Rotation from FRD to NED at these times, (N, 3, 3); it converts a velocity along world axes.
     """
     moved = _vector(log, block, at)
     return moved if block.frame in BODIES else np.einsum("nji,nj->ni", R, moved)
 
 
 def rates(log: SessionLog, block: Rates, at: Array) -> Array:
-    """Return the angular velocity about FRD axes, shape (N, 3) [rad/s].
+    """Return the angular velocity about FRD axes, (N, 3) [rad/s], interpolated from the log.
 
     Args:
         log: The session.
-        block: Block of the rates of the map.
+        block: Rates block of the map.
         at: Times [s], (N,).
     """
     return _vector(log, block, at)
@@ -204,7 +206,7 @@ def rates(log: SessionLog, block: Rates, at: Array) -> Array:
 def commands(
     log: SessionLog, block: Commands, at: Array, dt: float, mixer: Mixer | None = None
 ) -> tuple[Array, Mask]:
-    """Return commands in [-1, 1]: means over each row of the held commands.
+    """Return thruster commands in [-1, 1] for each row: the mean of the held commands until the next row.
 
     Args:
         log: Session of the log.
@@ -267,11 +269,14 @@ def in_degrees(angles: Sequence[Array]) -> bool:
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
-    """Return a message if the map declares radians and the angles are too large; else an empty string.
+    """Return an error message if a map declares radians and the angles are too large for radians.
 
     Args:
         log: The session.
         block: Attitude block of the map.
+
+    Returns:
+        The message; an empty string if the unit is plausible.
     """
     if block.columns is None or block.unit == "deg":
         return ""
@@ -301,7 +306,9 @@ def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: flo
 
 
 def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:
-    """Return the supply voltage [V], the last reading at or before each of N times; NaN before the first.
+    """Return the supply voltage at each of N times: the last reading at or before the time, (N,) [V].
+
+    The value is NaN before the first reading.
 
     Args:
         log: Session of the log.

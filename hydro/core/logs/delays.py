@@ -46,10 +46,10 @@ LAGS = 3
 
 @dataclass(frozen=True)
 class Offset:
-    """Delay of a sensor relative to the pose, or of the motion relative to the commands.
+    """Estimated delay of a sensor relative to the pose, or of the motion relative to the commands.
 
     Attributes:
-        block: `velocity`, `rates` or `attitude`; or `commands`.
+        block: Quantity that is late: `velocity`, `rates` or `attitude`; or `commands` for the motion.
         seconds: Estimated delay [s].
         low, high: 95 % interval of the delay [s].
         step: Median step of the sensor's samples, or sample time of the commands' estimate [s].
@@ -74,13 +74,13 @@ class Offset:
 
 
 def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
-    """Return a copy of a session with a sensor's time stamps moved earlier.
+    """Return a copy of a session with one sensor's time stamps moved earlier.
 
     Args:
         log: The session.
         given: Map of the log.
         block: Block of the sensor: `position`, `attitude`, `velocity` or `rates`.
-        by: Shift [s].
+        by: Time by which the stamps move earlier [s].
     """
     sources = measured(getattr(given, block))
     clocks = {one.column: log.time_of(one.column) for one in sources}
@@ -264,7 +264,7 @@ class _Piece:
 def command_delay(
     logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
 ) -> Offset | None:
-    """Estimate the delay of the motion relative to the commands, including the thrusters' lag.
+    """Return the estimated delay of the motion relative to the commands, including the thrusters' lag.
 
     Args:
         logs: The sessions.

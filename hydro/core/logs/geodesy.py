@@ -15,9 +15,8 @@ NORTH, EAST = "north of the first fix", "east of the first fix"
 def metres(latitude: Array, longitude: Array, first: tuple[float, float]) -> tuple[Array, Array]:
     """Return the distances north, (n,), and east, (m,), of latitudes and longitudes from a place [m].
 
-    The curvature of WGS 84 at this place is used.
-
-    Within a kilometre the error is below a thousandth between 80 degrees south and north.
+    The curvature of WGS 84 at this place is used. Within a kilometre the relative error is below a thousandth
+    between 80 degrees south and north.
 
     Args:
         latitude: Geodetic latitudes [deg], (n,).

@@ -34,7 +34,7 @@ from hydro.core.vehicle.frames import euler_from_rotation
 
 @dataclass(frozen=True)
 class Gap:
-    """Missing rows of a session.
+    """Missing rows within a session.
 
     Attributes:
         session: Name of the session.
@@ -90,7 +90,7 @@ SLOWER = 1.5
 def raw_table(
     logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = None, *, fill: bool = False
 ) -> Imported:
-    """Return a log resampled to one clock, in the frames and units of a raw table.
+    """Convert a log to a raw table: resample it to one clock, and convert frames and units.
 
     Pose and velocity are interpolated linearly, each channel between its own samples.  Commands are held.
     There are no rows where a channel is silent for longer than its longest step.  A sensor slower than the
@@ -102,6 +102,9 @@ def raw_table(
         rate: Rows per second [Hz]; by default the median of the channels' rates, or the fastest rate if it is
             clearly faster (with `fill` always the median), but at most FASTEST_ROWS.
         fill: Whether to interpolate a value in every row.
+
+    Returns:
+        The raw table, with gaps, notes and prepared sessions.
 
     Raises:
         DataError: A column has no numbers, no session has all channels at one time, or a command cannot be a
@@ -284,7 +287,9 @@ def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array
 
 
 def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:
-    """Return pose and velocity of a raw table at N times, (N, 12); NaN in columns without a sensor.
+    """Return pose and velocity of a log at N times, NED, FRD and SI, (N, 12).
+
+    NaN in columns without a sensor.
 
     Args:
         log: Session of the log.

@@ -21,7 +21,16 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class Column(_Part, frozen=True):
-    """Column of the log; its value is `scale` times the cell plus `offset`, before any unit."""
+    """Column of a log as a map names it.
+
+    The value of a cell is `scale` times the number in the log plus `offset`; the unit of the map applies
+    afterwards.
+
+    Attributes:
+        column: Name of the column.
+        scale: Factor of the numbers.
+        offset: Number to add.
+    """
 
     column: str
     scale: float = 1.0
@@ -29,7 +38,14 @@ class Column(_Part, frozen=True):
 
 
 class Command(Column, frozen=True):
-    """Column of a thruster; `reverse` if a positive command drives the thruster against its direction."""
+    """Command column of a thruster, as a map names it.
+
+    Attributes:
+        column: Name of the column.
+        scale: Factor of the numbers.
+        offset: Number to add.
+        reverse: Whether a positive command drives the thruster against its direction.
+    """
 
     reverse: bool = False
 
@@ -39,9 +55,16 @@ Number = str | Column
 
 
 class Valid(_Part, frozen=True, rename={"differs": "not"}):
-    """Condition for a valid sample; by default `column` must not be 0.
+    """Condition for a valid sample of a sensor; by default `column` must not be 0.
 
     Without `column` the condition applies to the quantity's own columns, as logged: `{not = -32.768}`.
+
+    Attributes:
+        column: Name of the column that is tested.
+        equals: Number that the column must have.
+        above: Number that the column must exceed.
+        below: Number that the column must stay below.
+        differs: Number that the column must not have (`not` in a map file).
     """
 
     column: str | None = None
@@ -70,11 +93,17 @@ class _Sensor(_Part, frozen=True, kw_only=True):
 
 
 class Mount(_Part, frozen=True):
-    """Mounting of a sensor in the vehicle.
+    """Mounting of a sensor in the vehicle: rotation and place.
 
-    `roll`, `pitch`, `yaw` [deg] rotate the sensor's axes to the body's, as an attitude rotates the body's to
-    the world's (ZYX); `matrix` gives the same rotation row by row.  Both refer to axes forward, right, down,
-    after `frame` is applied.  `position` [m] is the place from the body origin in FRD.
+    The angles rotate the sensor's axes to the body's, as an attitude rotates the body's to the world's (ZYX).
+    Both refer to axes forward, right, down, after `frame` is applied.
+
+    Attributes:
+        roll: Roll [deg].
+        pitch: Pitch [deg].
+        yaw: Yaw [deg].
+        matrix: The same rotation as a matrix, row by row, instead of the angles; None without.
+        position: Place of the sensor from the body origin, FRD [m].
     """
 
     roll: float = 0.0
@@ -85,10 +114,13 @@ class Mount(_Part, frozen=True):
 
 
 class Time(_Part, frozen=True):
-    """Clock of a log: numbers since any epoch, or text like `2025-06-01T12:00:00.25Z` (unit `iso`).
+    """Clock of a log, as a map describes it.
 
-    `longest_step` [s]: longest silence of a channel that is interpolated; a longer one is a gap.  The default
-    is five median steps of the channel.
+    Attributes:
+        column: Name of the column with the times.
+        unit: Unit of numbers since any epoch, or `iso` for text like `2025-06-01T12:00:00.25Z`.
+        longest_step: Longest silence of a channel that is interpolated [s]; a longer silence is a gap.  The
+            default is five median steps of the channel.
     """
 
     column: str
@@ -97,10 +129,12 @@ class Time(_Part, frozen=True):
 
 
 class Session(_Part, frozen=True):
-    """Division of a log into sessions.
+    """Division of a log into sessions, as a map describes it.
 
-    Sessions are the values of a column, or one session with a `name`.  A session is also split where no
-    sample arrives for `gap` [s].
+    Attributes:
+        column: Name of a column whose values are the sessions; None for one session.
+        name: Name of the only session.
+        gap: Time without samples [s] at which a session is split; None for no split.
     """
 
     column: str | None = None
@@ -109,12 +143,20 @@ class Session(_Part, frozen=True):
 
 
 class Position(_Sensor, frozen=True):
-    """Position of the body origin: three columns along the axes of `world`, or two and a depth or height.
+    """Position of the body origin in a log, as a map describes it.
 
-    Two columns are the horizontal axes in the order of `world` (NED: north, east; ENU: east, north).  `depth`
-    is positive down, `height` positive up, both from the water's surface; either may be given without
-    columns.  `latitude` and `longitude` [deg] with a depth or height replace two columns: they become metres
-    north and east of a session's first fix.
+    Given are three columns along the axes of `world`, or two columns and a depth or height, or a depth or
+    height alone.  Latitude and longitude with a depth or height replace two columns: they become metres north
+    and east of a session's first fix.
+
+    Attributes:
+        columns: Columns in the order of `world` (NED: north, east, down; ENU: east, north, up).
+        world: Axes of the world.
+        unit: Unit of columns, depth and height.
+        depth: Column of the depth below the water's surface, positive down.
+        height: Column of the height above the water's surface, positive up.
+        latitude: Column of the latitude [deg].
+        longitude: Column of the longitude [deg].
     """
 
     columns: tuple[Number, ...] = ()
@@ -127,15 +169,22 @@ class Position(_Sensor, frozen=True):
 
 
 class Attitude(_Sensor, frozen=True):
-    """Attitude of the axes `body` in the axes `world`: either Euler angles, or a quaternion.
+    """Attitude in a log, as a map describes it: of the axes `body` in the axes `world`.
 
-    `columns` are roll, pitch and yaw (rotations about x, y, z).  `order` names the rotations from world to
-    body: ZYX rotates by yaw, then about the new y by pitch, then about the new x by roll.  `quaternion` are
-    four columns in the order of `layout`, which rotate vectors as given by `turns`.
+    Euler angles or a quaternion are given.
 
-    `mount` is for a sensor at an angle to the vehicle: it rotates the sensor's axes to the body's.  The
-    columns are then the attitude of the sensor, and `body` names the sensor's own axes (FRD: its forward,
-    right, down).
+    Attributes:
+        columns: Columns of roll, pitch and yaw (rotations about x, y, z); None with a quaternion.
+        unit: Unit of the angles.
+        order: Rotations from world to body: ZYX rotates by yaw, then about the new y by pitch, then about the
+            new x by roll.
+        quaternion: Four columns in the order of `layout`; None with angles.
+        layout: Order of the quaternion's components.
+        turns: Which vectors the quaternion rotates.
+        world: Axes of the world.
+        body: Axes of the body, or with `mount` the sensor's own axes (FRD: its forward, right, down).
+        mount: Rotation from the sensor's axes to the body's, for a sensor at an angle to the vehicle; the
+            columns are then the attitude of the sensor.
     """
 
     columns: tuple[Number, ...] | None = None
@@ -150,11 +199,17 @@ class Attitude(_Sensor, frozen=True):
 
 
 class Velocity(_Sensor, frozen=True):
-    """Velocity over ground, along body axes or world axes.
+    """Velocity over ground in a log, as a map describes it, along body axes or world axes.
 
-    It is the velocity of the body origin, or with `mount` that of a sensor.  A velocity along world axes is
-    rotated to the body.  `held` states whether readings that repeat the one before are dropped; by default
-    they are if many do.
+    A velocity along world axes is rotated to the body.
+
+    Attributes:
+        columns: Columns of the three components, in the order of `frame`.
+        frame: Axes of the components.
+        unit: Unit of the columns.
+        mount: Place and rotation of the sensor; None for a velocity of the body origin in body axes.
+        held: Whether readings that repeat the previous reading are dropped; by default they are dropped if
+            many repeat.
     """
 
     columns: tuple[Number, ...]
@@ -165,10 +220,18 @@ class Velocity(_Sensor, frozen=True):
 
 
 class Rates(_Sensor, frozen=True, rename={"source": "from"}):
-    """Angular velocity about the body's axes x, y, z (a gyroscope's, not the rates of Euler angles).
+    """Angular velocity in a log about the body's axes x, y, z (a gyroscope's), as a map describes it.
 
-    With `from = "attitude"` and no columns, the rates are slopes of local parabolas through the attitude's
-    samples over `window` [s], by default the time of five samples.
+    These are not the rates of Euler angles.
+
+    Attributes:
+        columns: Columns of the three components, in the order of `frame`.
+        frame: Axes of the components.
+        unit: Unit of the columns.
+        mount: Rotation of the sensor; None for body axes.
+        source: `columns`; or `attitude` without columns (`from` in a map file): slopes of local parabolas
+            through the attitude's samples.
+        window: Duration of a parabola [s]; by default the time of five samples.
     """
 
     columns: tuple[Number, ...] = ()
@@ -180,7 +243,13 @@ class Rates(_Sensor, frozen=True, rename={"source": "from"}):
 
 
 class PulseWidths(_Part, frozen=True):
-    """Pulse widths [us] of full astern, of rest, and of full ahead."""
+    """Pulse widths of a speed controller [us].
+
+    Attributes:
+        min: Pulse width of full thrust astern.
+        neutral: Pulse width of rest.
+        max: Pulse width of full thrust ahead.
+    """
 
     min: Positive = 1100.0
     neutral: Positive = 1500.0
@@ -188,10 +257,14 @@ class PulseWidths(_Part, frozen=True):
 
 
 class Commands(_Sensor, frozen=True):
-    """Commands of the thrusters in the order of the vehicle file: -1 to 1, percent, or pulse widths.
+    """Commands of the thrusters in a log, as a map describes them, in the order of the vehicle file.
 
-    `off`: meaning of NaN and of a pulse width of 0, which disarmed autopilots write: "stop" is zero thrust,
-    "hold" the last thrust before.
+    Attributes:
+        columns: One column per thruster.
+        unit: Unit of the columns: numbers from -1 to 1, percent, or pulse widths.
+        pwm: Pulse widths of full astern, rest and full ahead.
+        off: Meaning of NaN and of a pulse width of 0, which disarmed autopilots write: `stop` is zero thrust,
+            `hold` the last thrust before.
     """
 
     columns: tuple[str | Command, ...]
@@ -201,7 +274,12 @@ class Commands(_Sensor, frozen=True):
 
 
 class Voltage(_Sensor, frozen=True):
-    """Supply voltage of the thrusters; each row has the last reading at or before it."""
+    """Supply voltage of the thrusters in a log; each row has the last reading at or before it.
+
+    Attributes:
+        column: Column of the voltage.
+        unit: Unit of the column.
+    """
 
     column: Number
     unit: Literal["V", "mV"] = "V"
@@ -211,13 +289,16 @@ Demand = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
 
 
 class Mixer(_Part, frozen=True):
-    """Mixer of axis demands to thruster commands.
+    """Mixer, which converts axis demands in a log to thruster commands.
 
-    `demands` names the axis of each command column, positive along or about the body's axes (SNAME: heave
-    down).  Without `preset` and `matrix`, each demand is the command of a virtual thruster: the vehicle file
-    has a thruster with a `wrench` for each of them, in this order.  `preset` is a frame of ArduSub; `matrix`
-    has a row for each thruster and a column for each demand.  `directions` reverses thrusters: 1 or -1, as
-    ArduSub's MOT_n_DIRECTION.
+    Without `preset` and `matrix`, each demand is the command of a virtual thruster: the vehicle file has a
+    thruster with a `wrench` for each of them, in this order.
+
+    Attributes:
+        demands: Axis of each command column, positive along or about the body's axes (SNAME: heave down).
+        preset: Name of a frame of ArduSub, which gives the matrix.
+        matrix: Mixing matrix with a row for each thruster and a column for each demand.
+        directions: 1 or -1 for each thruster, -1 to reverse it, as ArduSub's MOT_n_DIRECTION; () for all 1.
     """
 
     demands: tuple[Demand, ...]
@@ -227,7 +308,13 @@ class Mixer(_Part, frozen=True):
 
 
 class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
-    """Part of a session to use, `from` and `to` in seconds since its start; by default of every session."""
+    """Part of a session that is used for the import.
+
+    Attributes:
+        session: Name of the session; None for every session.
+        start: Time since the start of the session [s], `from` in a map file.
+        stop: Time since the start of the session [s], `to` in a map file; None for its end.
+    """
 
     session: str | None = None
     start: float = 0.0
@@ -235,11 +322,13 @@ class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
 
 
 class Table(_Part, frozen=True):
-    """Table of a recording made of several files or topics, each with its own clock.
+    """One table of a recording that consists of several files or topics, each with its own clock.
 
-    `files` is a pattern of file names, in which `{session}` is the name of the session.  `time` is the column
-    of the table's clock, with its `unit`.  With `name`, other parts of the map call the table's columns
-    NAME.COLUMN.
+    Attributes:
+        files: Pattern of file names, in which `{session}` is the name of the session.
+        time: Name of the column of the table's clock.
+        unit: Unit of the clock.
+        name: Name by which other parts of the map call the table's columns, NAME.COLUMN; None for none.
     """
 
     files: str
@@ -249,7 +338,22 @@ class Table(_Part, frozen=True):
 
 
 class LogMap(_Part, frozen=True, kw_only=True):
-    """Map file; position, attitude, velocity and rates are optional, one for each sensor of the log."""
+    """Content of a map file: the meaning of a log's columns.
+
+    Attributes:
+        time: The clock.
+        position: Block of the position sensor; None without.
+        attitude: Block of the attitude sensor; None without.
+        velocity: Block of the velocity sensor; None without.
+        rates: Block of the gyroscope; None without.
+        commands: Block of the thruster commands.
+        voltage: Block of the supply voltage; None without.
+        session: Division into sessions.
+        mixer: Mixer of axis demands to thruster commands; None if the commands are those of thrusters.
+        use: Parts of sessions to use; () for all.
+        table: Tables with their own clocks; () for one table.
+        format: Name and version of the format.
+    """
 
     time: Time = Time("time")
     position: Position | None = None
@@ -271,7 +375,7 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
 def named(source: Number) -> Column:
-    """Return the source of a map as a column; a name alone means scale 1 and offset 0."""
+    """Return a column that a map names, as a `Column`; a name alone means scale 1 and offset 0."""
     return source if isinstance(source, Column) else Column(source)
 
 
@@ -291,21 +395,21 @@ def conditions(given: Condition | tuple[Condition, ...]) -> tuple[Valid, ...]:
 
 
 def stretches(given: LogMap) -> tuple[Use, ...]:
-    """Return the parts of sessions that the map selects; an empty tuple if the whole log is used."""
+    """Return the parts of sessions that a map selects for the import; empty if the whole log is used."""
     return given.use if isinstance(given.use, tuple) else (given.use,)
 
 
 def beside(block: Sensor) -> tuple[str, ...]:
-    """Return the names of the columns that a sensor block needs besides those of its values.
+    """Return the names of columns that a sensor block uses in addition to those of its values.
 
-    They are the columns of `valid` and `per`.
+    They are the columns of `valid` (validity of samples) and `per` (divisor).
     """
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
 
 
 def blocks_of(given: LogMap) -> dict[str, Block]:
-    """Return the blocks of pose and velocity of a map, by name."""
+    """Return the blocks of pose and velocity that a map contains, by name, such as `position`."""
     every: dict[str, Block | None] = {name: getattr(given, name) for name in BLOCKS}
     return {name: block for name, block in every.items() if block is not None}
 
@@ -317,7 +421,11 @@ def sensors_of(given: LogMap) -> dict[str, Sensor]:
 
 
 def measured(block: Block) -> tuple[Column, ...]:
-    """Return the columns of a block of pose or velocity, with scale and offset, in the block's own order."""
+    """Return the columns of a block's values with scale and offset, in the block's order.
+
+    Args:
+        block: Block of pose or velocity of a map.
+    """
     taken: list[Number] = list(block.columns or ())
     if isinstance(block, Attitude):
         taken += block.quaternion or ()

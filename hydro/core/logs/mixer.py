@@ -68,14 +68,15 @@ def thrusters(mixer: Mixer | None, commands: int) -> int:
 
 
 def mixed(mixer: Mixer, demands: Array) -> Array:
-    """Return commands of n thrusters at N rows, (N, n); without a preset they may exceed [-1, 1].
+    """Return the commands of n thrusters in N rows, (N, n), that a mixer makes from axis demands.
 
     If demands exceed a motor's full thrust, ArduSub clips its command in the vectored frame.  In the vectored
-    frame with six degrees of freedom, it scales down all motors of the same plane equally.
+    frame with six degrees of freedom, it scales down all motors of the same plane equally.  Without a preset,
+    commands may exceed [-1, 1].
 
     Args:
         mixer: Mixer of the map.
-        demands: k demands at each row in [-1, 1], (N, k).
+        demands: k demands in each row in [-1, 1], (N, k).
     """
     drive: Array = demands @ matrix(mixer).T
     if mixer.preset != "ardusub_vectored_6dof":

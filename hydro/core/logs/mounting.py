@@ -18,16 +18,16 @@ DERIVED = tuple(f"{name}, from the attitude" for name in "pqr")
 
 
 def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
-    """Return, by column, a gyroscope's samples converted to body axes.
+    """Return a mounted gyroscope's samples, converted to body axes, in new columns of the log.
 
-    The samples stay in the block's frame and unit.
+    The samples stay in the frame and unit that the map declares.
 
     Args:
         log: The session.
         block: The block of the rates, with its mount.
 
     Returns:
-        One array for each row of the session, NaN without a sample, by the column's name.
+        By column name, one number for each row of the session, NaN without a sample.
     """
     assert block.mount is not None
     t, rows = _samples(log, block)
@@ -37,20 +37,20 @@ def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
 def mounted_velocity(
     log: SessionLog, block: Velocity, rates: Rates | None, attitude: Attitude | None
 ) -> dict[str, Array]:
-    """Return, by column, a velocity sensor's samples converted to the body origin.
+    """Return a mounted velocity sensor's samples, converted to the body origin, in new columns of the log.
 
-    The samples stay in the block's frame and unit.  The velocity of the body origin is v = R v_s - omega x r.
-    rotates the sensor's axes to the body's, v_s is the reading, omega the angular velocity and r the sensor's
-    place from the body origin, all in body axes.
+    The samples stay in the frame and unit that the map declares.  The velocity of the body origin is v = R
+    v_s - omega x r: R rotates the sensor's axes to the body's, v_s is the reading, omega the angular velocity
+    and r the sensor's place from the body origin, all in body axes.
 
     Args:
         log: The session, with corrected rates.
-        block: The velocity, with its mount.
+        block: The velocity block, with its mount.
         rates: The block of the rates.
         attitude: The block of the attitude, which rotates a velocity along world axes.
 
     Returns:
-        One array for each row of the session, NaN without a sample, by the column's name.
+        By column name, one number for each row of the session, NaN without a sample.
 
     Raises:
         DataError: A lever arm is given without rates.
@@ -74,10 +74,10 @@ def mounted_velocity(
 
 
 def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tuple[Array, Array]:
-    """Return the angular velocity from slopes of local parabolas through attitude samples.
+    """Return the angular velocity, computed from the slope of the attitude's samples.
 
-    The rotation from the middle sample to its neighbours is a small rotation vector.  Its slope in the middle
-    is exactly the angular velocity in body axes.
+    A local parabola is fitted to the small rotation vectors from a sample to its neighbours.  Its slope in
+    the middle is exactly the angular velocity in body axes.
 
     Args:
         log: The session.

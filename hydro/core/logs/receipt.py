@@ -16,14 +16,15 @@ DRIVERS = ("mavros",)
 
 
 def late_commands(columns: list[str], travel: Mapping[str, float]) -> float:
-    """Return the delay of the time stamps of commands relative to sensor messages of the same driver [s].
+    """Return how much later commands are stamped than sensor messages of the same driver [s].
 
     Args:
         columns: Columns of the commands, `TOPIC.FIELD`.
         travel: Mean time from the stamp of a message to its receipt [s], by topic.
 
     Returns:
-        0 if the commands are not of a known driver, or if no other message of the driver is in the log.
+        The delay; 0 if the commands are not of a known driver, or if the log has no other message of the
+        driver.
     """
     own = [topic for topic in travel if any(name.startswith(f"{topic}.") for name in columns)]
     drivers = {_driver(topic) for topic in own}

@@ -30,7 +30,7 @@ class Channel:
 
     Attributes:
         t: Times [s], shape (n,), strictly rising.
-        values: Shape (n,), finite.
+        values: Values of the samples, (n,), finite.
     """
 
     t: Array
@@ -38,12 +38,12 @@ class Channel:
 
     @property
     def step(self) -> float:
-        """Median step [s]; infinite for fewer than two samples."""
+        """Median time between samples [s]; infinite for fewer than two samples."""
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
 
 
 def channel(t: Array, values: Array) -> Channel:
-    """Return the samples of a column: cells with a number, the first of those with the same time.
+    """Return the samples of a column: its cells with a number, of equal times only the first.
 
     Args:
         t: Times [s], shape (n,), not falling.
@@ -61,6 +61,8 @@ def channel(t: Array, values: Array) -> Channel:
 
 def sample_time(steps: Sequence[float]) -> float:
     """Return the sample time that suits most channels [s]: the lower median of their median steps.
+
+    A value near a whole number of rows per second is rounded to that number.
 
     Args:
         steps: Median step of each channel [s]; infinite for fewer than two samples.
@@ -91,10 +93,10 @@ def spans(each: Channel, longest: float | None = None) -> Array:
 
 
 def common(stretches: Sequence[Array]) -> Array:
-    """Return the first and last time of each span in which all channels have data, shape (k, 2) [s].
+    """Return the first and last time of each span in which all channels have data, ascending, (k, 2) [s].
 
     Args:
-        stretches: First and last time of each span of every channel, see `spans`.
+        stretches: For each channel, first and last time of each of its spans, from `spans`.
     """
     shared = stretches[0]
     for other in stretches[1:]:
@@ -134,19 +136,19 @@ def interpolated(each: Channel, at: Array) -> Array:
 
 
 def held(each: Channel, at: Array, dt: float) -> Array:
-    """Return the last value at or before each time (zero-order hold), shape of `at`.
+    """Return the last value at or before each time (zero-order hold), an array like `at`.
 
     Args:
         each: The channel; its first sample is not later than the first of `at`.
         at: Times [s].
-        dt: Sample time [s]; a hundredth of it forgives the rounding of times.
+        dt: Sample time [s]; a value up to a hundredth of it later than a time still counts.
     """
     latest = np.searchsorted(each.t, at + HELD_EARLY * dt, side="right") - 1
     return np.asarray(each.values[np.maximum(latest, 0)])
 
 
 def averaged(each: Channel, at: Array, dt: float) -> Array:
-    """Return the mean of the held values over [t, t + dt) at each time t.
+    """Return the mean of the held values over [t, t + dt) at each time t, an array like `at`.
 
     A row's command acts until the next row.  A command shortly after the row's time, due to jitter, would be
     a whole row late if sampled at that time alone.  The mean preserves the impulse of the thrust.
@@ -154,7 +156,7 @@ def averaged(each: Channel, at: Array, dt: float) -> Array:
     Args:
         each: The channel; its first sample is not later than the first of `at`.
         at: Times [s].
-        dt: Sample time [s]; a hundredth of it forgives the rounding of times.
+        dt: Sample time [s]; a value up to a hundredth of it later than a time still counts.
     """
     out, slack = held(each, at, dt), HELD_EARLY * dt
     first = np.searchsorted(each.t, at + slack, side="right")
@@ -183,7 +185,7 @@ def unwrapped(each: Channel, period: float) -> Channel:
 def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
     """Return the four channels of a quaternion at their common times, without jumps from q to -q.
 
-    Both are the same rotation, but an interpolated value between them is not a rotation.
+    Both are the same rotation, but an interpolated value between q and -q is not a rotation.
     """
     shared = quaternions[0].t
     if not all(np.array_equal(shared, other.t) for other in quaternions[1:]):

@@ -41,8 +41,8 @@ class Prepared:
 
     Attributes:
         logs: Sessions with prepared samples.
-        meaning: Map that reads these sessions: the log's map, with columns for rates that were derived from
-            the attitude.
+        meaning: Map of these sessions: the log's map, with columns for rates that were derived from the
+            attitude.
         notes: One line for each change.
         gated: For each session, the times of all readings of a block [s], by block, if readings were dropped
             as invalid or repeated.  A dropped reading is not a gap of the log.
@@ -83,9 +83,9 @@ class _Work:
 
 
 def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
-    """Return new sessions to which the map's settings are applied.
+    """Return new sessions with the samples that a map selects and corrects, at the time of measurement.
 
-    The settings concern validity, divisors, repeated readings, time stamps and mounts of the sensors.
+    The map's settings on validity, divisors, repeated readings, time stamps and mounts are applied.
 
     Args:
         logs: The sessions, as logged.

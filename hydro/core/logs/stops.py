@@ -12,7 +12,7 @@ from hydro.core.logs.resample import USUAL_STEPS
 
 
 def rest(source: Command, block: Commands) -> float:
-    """Return the value of a command column for zero thrust, in the unit of the log.
+    """Return the number that a command column of a log contains for zero thrust.
 
     Args:
         source: Column of the map, with its scale and offset.
@@ -54,9 +54,9 @@ def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: C
 
 
 def never(columns: Mapping[str, tuple[Array, Mask]]) -> list[str]:
-    """Return the command columns that never drive their thruster, because they hold only stops.
+    """Return the names of command columns that never drive their thruster, because they hold only stops.
 
-    The result is empty if no column drives a thruster.
+    The result is empty if no column at all drives a thruster.
 
     Args:
         columns: Values as logged and mask of the rows that are stops, both (n,), by column.

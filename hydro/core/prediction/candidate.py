@@ -40,7 +40,7 @@ COMMANDED = with_role(Role.COMMANDED)
 
 @dataclass(frozen=True)
 class Candidate:
-    """Compiled vehicle, to be compared with a recording.
+    """Vehicle, compiled for comparison with a recording.
 
     Attributes:
         program: Compiled forces and thrusters, in calm water.
@@ -61,15 +61,15 @@ class Candidate:
         return table
 
     def with_thrusters(self, rows: Array) -> Candidate:
-        """Return a copy of the candidate with further thrusters, after its own.
+        """Return a copy of the compiled vehicle with additional thrusters, after its own.
 
         Args:
-            rows: Rows of the thruster table of `vehicle.thrusters`, (n, COLUMNS).
+            rows: Constants of the n additional thrusters, as in `vehicle.thrusters`, (n, COLUMNS).
         """
         return replace(self, program=with_thrusters(self.program, rows))
 
     def in_sea(self, harmonics: Array) -> Candidate:
-        """Return a copy of the candidate in waves.
+        """Return a copy of the compiled vehicle in waves.
 
         Args:
             harmonics: H harmonics of a sea, rows of `core.effects.waves`, (H, COMPONENT).
@@ -88,12 +88,12 @@ def candidate(vehicle: Vehicle) -> Candidate:
 
 
 def rotor_states(model: Candidate, record: Recording) -> Array:
-    """Return the lag states of n thrusters just before each of N rows of a recording, (N, n).
+    """Return the lag states of n thrusters just before the command of each of N rows, (N, n).
 
     A lag state is a thrust [N] before losses, or a normalised rotor speed.
 
     Args:
-        model: Vehicle, with its thrusters.
+        model: Compiled vehicle, with its thrusters.
         record: Recording, with its commands.
     """
     out = np.empty(record.commands.shape)
@@ -106,13 +106,12 @@ def rotor_states(model: Candidate, record: Recording) -> Array:
 
 
 def rotor_states_around(model: Candidate, record: Recording) -> Array:
-    """Return lag states of n thrusters, averaged over just before and just after each of N rows, (N, n).
+    """Return the lag states of n thrusters in N rows, means of just before and just after the row, (N, n).
 
-    A lag state is a thrust [N] or a normalised rotor speed.  The states before and after a row differ for a
-    thruster without lag, whose state jumps at a row.
+    A lag state is a thrust [N] or a normalised rotor speed.  That of a thruster without lag jumps at a row.
 
     Args:
-        model: Vehicle, with its thrusters.
+        model: Compiled vehicle, with its thrusters.
         record: Recording of N rows, with its commands.
     """
     before = rotor_states(model, record)
@@ -141,13 +140,13 @@ def true_velocity(model: Candidate, record: Recording, logged: Array) -> Array:
 
 
 def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
-    """Return the internal states of the effects at every row of a known motion, (N, states).
+    """Return the internal states of a vehicle's effects along a given motion, in every row, (N, states).
 
     Each segment starts in the steady state of its first velocity.
 
     Args:
-        model: Vehicle.
-        record: Recording of N rows.
+        model: Compiled vehicle.
+        record: Recording of N rows, for its times and segments.
         eta: Pose, NED, (N, 6) [m, rad].
         nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
     """
@@ -158,10 +157,12 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
 
 
 def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
-    """Return the acceleration of CO over ground that a model has along a motion, body axes, (N, 6).
+    """Return the acceleration that a model gives in every row of a motion, (N, 6) [m/s^2, rad/s^2].
+
+    It is that of CO over ground, body axes.
 
     Args:
-        model: Vehicle, with its forces.
+        model: Compiled vehicle, with its forces.
         record: Recording of N rows, with its commands.
         eta: Pose, NED, (N, 6) [m, rad].
         nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
@@ -173,15 +174,17 @@ def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) ->
 def accelerations_at(
     rows: Rows, model: Candidate, record: Recording, eta: Array, nu: Array, rotors: Array
 ) -> Array:
-    """Return the acceleration of CO over ground that a model has at K rows of a motion, body axes, (K, 6).
+    """Return the acceleration that a model gives in K rows of a motion, (K, 6) [m/s^2, rad/s^2].
+
+    It is that of CO over ground, body axes.
 
     Args:
-        rows: The rows, (K,).
-        model: Vehicle, with its forces.
+        rows: Numbers of the K rows, (K,).
+        model: Compiled vehicle, with its forces.
         record: Recording of N rows, with its commands.
         eta: Pose, NED, (N, 6) [m, rad].
         nu: Velocity of CO, body axes, (N, 6) [m/s, rad/s].
-        rotors: Lag states of n thrusters at the rows, (K, n).
+        rotors: Lag states of n thrusters in these rows, (K, n).
     """
     out = np.empty((rows.size, 6))
     memory = memories(model, record, eta, nu)[rows]
@@ -206,7 +209,7 @@ def commands_before(record: Recording) -> Array:
 
 @kernel
 def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
-    """Write the state of motion at a row of a recording to `s`.
+    """Write to `s` the state of motion that the effects read, from pose and velocity.
 
     Args:
         flat: Compiled effects of a vehicle, see `effects.program`.

@@ -53,19 +53,18 @@ class ForcedOutputError(OutputError):
         return cls(replace(shots, record=replace(shots.record, commands=commands)), rows=rows)
 
     def prepared(self, vehicle: Vehicle, like: Prepared | None = None) -> Prepared:
-        """Return a vehicle with the thrusters of the wrench, and its initial states in every shot.
+        """Return a compiled vehicle that the wrench acts on, with its initial states in every shot.
 
         The initial states are those of the rotors and of the effects.
 
         Args:
             vehicle: The vehicle.
-            like: Another vehicle prepared for the same shots, whose states are reused where they are the
-                same.
+            like: Another vehicle prepared for the same shots; its states are reused where they are the same.
         """
         return multiple_shooting.prepare(candidate(vehicle).with_thrusters(self.rows), self.shots, like)
 
     def of_measured(self, measured: Array) -> ForcedOutputError:
-        """Return a copy of the problem with other measurements.
+        """Return a copy of the problem with other measurements in the place of the logged ones.
 
         Args:
             measured: Position, quaternion and nu in each row of the S shots, (S, length, 13).
@@ -74,14 +73,14 @@ class ForcedOutputError(OutputError):
 
 
 def displaced_by(measured: Array, one: Array, other: Array) -> Array:
-    """Return a copy of the measurements of shots plus the difference `one` minus `other` of two predictions.
+    """Return a copy of the measurements, moved by the difference of two predictions, (S, length, 13).
 
     Measurements of a shot with a diverging prediction stay as they are.
 
     Args:
-        measured: Measurements: position, quaternion and nu, (S, length, 13).
+        measured: Measurements in S shots: position, quaternion and nu, (S, length, 13).
         one: First prediction, (S, length, 13).
-        other: Second prediction, (S, length, 13).
+        other: Second prediction, which is subtracted from the first, (S, length, 13).
     """
     answer = np.empty((*measured.shape[:2], CHANNELS))
     multiple_shooting.deviate(other, one, 0, np.ones(CHANNELS), answer)

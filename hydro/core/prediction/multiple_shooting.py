@@ -77,7 +77,7 @@ class InitialStates(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Responses of S shots of K rows to changes of their initial states and of P parameters.
+    """Responses of S shots (short predictions) of K rows to changes of initial states and of P parameters.
 
     Attributes:
         changes: The parameters, as changes of the compiled vehicle.
@@ -107,9 +107,10 @@ class Answers(NamedTuple):
 
     @classmethod
     def to_beginnings(cls, memory: Array, rows: int) -> Answers:
-        """Prepare responses of S shots to their initial states alone, without parameters.
+        """Return memory for the responses of S shots to their initial states alone, without parameters.
 
-        The output has the memory layout of `sensitivity.linearise`, so that numba compiles `shoot` only once.
+        The array for the responses has the memory layout of `sensitivity.linearise`, so that numba compiles
+        `shoot` only once.
 
         Args:
             memory: Initial internal states, (S, states).
@@ -121,7 +122,7 @@ class Answers(NamedTuple):
 
 
 def places_of(shots: Shots, part: slice) -> Places:
-    """Return the places in the recording of some of its shots.
+    """Return the places in the recording of a slice of its shots (short predictions).
 
     Args:
         shots: All shots.
@@ -139,16 +140,16 @@ def places_of(shots: Shots, part: slice) -> Places:
 
 
 def most_steps(shots: Shots) -> int:
-    """Return the number of integration steps per row that is accurate enough for residuals near the noise."""
+    """Return the number of integration steps per row that suffices for residuals as small as the noise."""
     return steps_of_row(shots.record.dt, 1.0 / LONGEST_STEP)
 
 
 def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
-    """Return a mask of the S shots whose prediction does not diverge, (S,).
+    """Return a mask, (S,), of the shots (short predictions) in which a model's prediction does not diverge.
 
     Args:
-        prepared: The candidate, prepared for the shots.
-        shots: The shots.
+        prepared: The model, prepared for the shots.
+        shots: The S shots.
     """
     nu = predict(prepared, shots)[..., 7:]
     with np.errstate(invalid="ignore"):
@@ -157,21 +158,21 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
-    """Return shots that start at the logged motion, corrected for the DVL errors of a candidate.
+    """Return a copy of the shots with initial states from the logged motion, corrected for DVL errors.
 
     Args:
         shots: The shots; their previous initial states are replaced.
-        model: The candidate.
+        model: Compiled vehicle with the DVL errors to correct.
     """
     return replace(shots, first=logged_first(shots, model))
 
 
 def logged_first(shots: Shots, model: Candidate) -> Array:
-    """Return the logged motion at the start of each shot, corrected to CO for a candidate's DVL errors.
+    """Return the logged motion at the start of each shot, corrected to CO for a vehicle's DVL errors.
 
     Args:
         shots: S shots, with the smoothed motion of the recording.
-        model: The candidate.
+        model: Compiled vehicle with the DVL errors.
 
     Returns:
         Position, quaternion and nu, (S, 13).
@@ -183,11 +184,11 @@ def logged_first(shots: Shots, model: Candidate) -> Array:
 
 
 def initial_residuals(model: Candidate, shots: Shots) -> Array:
-    """Return logged minus present initial states of anchored shots, times the weights of the anchor, (S, 12).
+    """Return logged minus present initial states, in standard deviations of the logged states, (S, 12).
 
     Args:
-        model: The candidate, for whose DVL errors the logged states are corrected.
-        shots: S shots with an anchor: weights of the logged initial states.
+        model: Compiled vehicle, for whose DVL errors the logged states are corrected.
+        shots: S shots with an `anchor`: one over the standard deviation of each logged initial state.
     """
     assert shots.anchor is not None
     out = np.empty((len(shots.starts), 1, CHANNELS))
@@ -197,10 +198,10 @@ def initial_residuals(model: Candidate, shots: Shots) -> Array:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Candidate with its initial rotor states and internal states in each of S shots.
+    """Compiled vehicle with its initial rotor states and internal states in each of S shots.
 
     Attributes:
-        model: The candidate.
+        model: The compiled vehicle.
         rotors: Lag states of n thrusters, (S, n).
         memory: Internal states of the effects, (S, states).
     """
@@ -210,30 +211,30 @@ class Prepared:
     memory: Array
 
     def of(self, kept: NDArray[np.bool_]) -> Prepared:
-        """Return the candidate prepared for some of the shots.
+        """Return a copy for a part of the shots, with their initial states only.
 
         Args:
-            kept: Mask of these shots, (S,).
+            kept: Mask of the shots to keep, (S,).
         """
         return Prepared(self.model, self.rotors[kept], self.memory[kept])
 
     def initial_states(self, first: Array, part: slice) -> InitialStates:
-        """Return the initial states of some of the shots.
+        """Return the initial states of body, rotors and effects for a slice of the shots.
 
         Args:
-            first: States of the body in all shots: position, quaternion, nu, (S, 13).
+            first: States of the body in all S shots: position, quaternion, nu, (S, 13).
             part: Slice of the shots.
         """
         return InitialStates(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
 
 
 def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Prepared:
-    """Return a candidate with its initial rotor and internal states in every shot.
+    """Return a compiled vehicle together with its initial rotor and internal states in every shot.
 
     Args:
-        model: The candidate.
+        model: The compiled vehicle.
         shots: The shots.
-        like: Another candidate prepared for the same shots.  Its states are reused if its thrusters, or its
+        like: Another vehicle prepared for the same shots.  Its states are reused if its thrusters, or its
             effects with internal states, are the same.
     """
     if like is not None and same_states(like.model.thrusters, model.thrusters):
@@ -259,17 +260,16 @@ def predict(
     first: Array | None = None,
     part: slice = slice(None),
 ) -> Array:
-    """Predict the logged channels, shot by shot.
+    """Predict what the sensors would log, shot by shot.
 
     Args:
-        prepared: The candidate, prepared for the shots.
+        prepared: Compiled vehicle, prepared for the shots.
         shots: The S shots.
         first: Initial states of all shots, (S, 13); by default those of `shots`.
-        part: Slice of the s shots to predict.
+        part: Slice of the s shots to predict; by default all.
 
     Returns:
-        Position, quaternion and nu as the sensors would log them in every row, (s, length, 13); not finite
-        where a motion diverges.
+        Position, quaternion and nu in every row, (s, length, 13); not finite where a motion diverges.
     """
     places = places_of(shots, part)
     initial = prepared.initial_states(shots.first if first is None else first, part)
@@ -298,10 +298,10 @@ def residuals(
     compared.
 
     Args:
-        prepared: The candidate, prepared for the shots.
+        prepared: Compiled vehicle, prepared for the shots.
         shots: The S shots.
         first: Initial states of all shots, (S, 13); by default those of `shots`.
-        part: Slice of the s shots to predict.
+        part: Slice of the s shots to predict; by default all.
         calmed: For shots in waves: whether to whiten the residuals, given the covariance due to the waves.
     """
     predicted = predict(prepared, shots, first, part)
@@ -315,15 +315,14 @@ def residuals(
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
-    """Return the sum of squared residuals of each of S shots, those of anchored initial states included.
+    """Return the sum of squared residuals of each of S shots, (S,), in units of the noise variance.
+
+    Residuals of anchored initial states count too.  The sum is infinite for a shot that diverges.
 
     Args:
-        prepared: The candidate, prepared for the shots.
+        prepared: Compiled vehicle, prepared for the shots.
         shots: The shots.
         threads: Number of threads; by default, the number of cores.
-
-    Returns:
-        Sums in units of the noise variance, (S,); infinite for a shot that diverges.
     """
 
     def work(begin: int) -> Array:
@@ -341,17 +340,17 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
 def cost(prepared: Prepared, shots: Shots) -> float:
     """Return the sum of squared residuals over all shots, in units of the noise variance.
 
-    Anchored initial states are included.  The sum is infinite if a motion diverges.
+    Residuals of anchored initial states count too.  The sum is infinite if a motion diverges.
 
     Args:
-        prepared: The candidate, prepared for the shots.
+        prepared: Compiled vehicle, prepared for the shots.
         shots: The shots.
     """
     return float(costs(prepared, shots).sum())
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Return states of a body after small displacements, a new array (S, 13).
+    """Return states of a body moved by small displacements, a new array (S, 13).
 
     Args:
         first: S states: position, quaternion and nu, (S, 13).
@@ -367,15 +366,15 @@ def displaced(first: Array, shift: Array) -> Array:
 
 @kernel
 def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Array) -> None:
-    """Write weighted differences of measured and predicted states to `out`.
+    """Write weighted differences of measured minus predicted states to `out`.
 
     The difference of attitudes is twice the vector part of q_predicted^* q_measured: a small rotation.
 
     Args:
-        predicted: Predicted states of S shots of K rows, (S, K, 13).
-        measured: Measured states of the same rows.
+        predicted: Predicted states (position, quaternion, nu) of S shots of K rows, (S, K, 13).
+        measured: Measured states of the same rows, (S, K, 13).
         lead: Rows at the beginning of a shot that are left out.
-        weight: Weights of the differences, (12,).
+        weight: Weights of the differences of position, attitude and nu, (12,).
         out: Output: differences, (S, K - lead, 12).
     """
     for m in range(out.shape[0]):
@@ -394,7 +393,9 @@ def deviate(predicted: Array, measured: Array, lead: int, weight: Array, out: Ar
 
 @jit
 def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers) -> None:
-    """Predict shots; thrusters also respond to commands before a shot's start, in the same segment.
+    """Predict the motion in S shots; write it to `out`, and its derivatives to `answers`.
+
+    Thrusters also respond to commands before a shot's start, in the same segment.
 
     Args:
         flat: Compiled vehicle (`effects.program`).

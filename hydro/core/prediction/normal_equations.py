@@ -55,7 +55,7 @@ class Normal:
         return self.gram[:, :-1, -1]
 
     def of(self, columns: Sequence[int]) -> Normal:
-        """Return a new problem in some of the parameters, with all other parameters fixed.
+        """Return a new problem in a part of the parameters, with all other parameters fixed.
 
         Args:
             columns: Indices of the parameters that remain.
@@ -65,7 +65,7 @@ class Normal:
         return replace(self, gram=gram, follow=self.follow[..., kept])
 
     def some(self, kept: NDArray[np.bool_]) -> Normal:
-        """Return a new problem for some of the pieces of data.
+        """Return a new problem for a part of the pieces of data.
 
         Args:
             kept: Mask of the pieces that remain, (S,).
@@ -80,20 +80,20 @@ class Normal:
         return float(self.gram[:, -1, -1].sum())
 
     def expected(self, step: Array) -> Array:
-        """Return the squared residual that the linear problem predicts for each piece after a step, (S,).
+        """Return the sum of squared residuals that the linear problem predicts after a step, per piece, (S,).
 
         Args:
-            step: Step of the parameters, (P,).
+            step: Change of the parameters, (P,).
         """
         across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
         left: Array = self.gram[:, -1, -1] - across
         return left
 
     def after(self, step: Array) -> Normal:
-        """Return a new problem about the parameters after a step, with the same derivatives.
+        """Return a new problem, linearised about the parameters plus a step, with the same derivatives.
 
         Args:
-            step: Step of the parameters, (P,).
+            step: Change of the parameters, (P,).
         """
         gram = self.gram.copy()
         gram[:, -1, -1] = self.expected(step)
@@ -103,7 +103,7 @@ class Normal:
 
     @property
     def residuals(self) -> float:
-        """Total number of independent residuals."""
+        """Number of independent residuals in all pieces together."""
         return float(self.freedoms.sum())
 
     @property
@@ -171,7 +171,7 @@ def taken(gram: Array, first: int, known: Array) -> Array:
 
 
 def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
-    """Return the step d within [low, high] that minimises d^T matrix d - 2 score^T d.
+    """Return the step d with low <= d <= high that minimises d^T matrix d - 2 score^T d, (P,).
 
     Args:
         matrix: Positive definite matrix of P unknowns, (P, P).
@@ -193,11 +193,11 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
 
 
 def block_length(scores: Array) -> int:
-    """Return the number of pieces of data in a block: ten correlation times of the scores.
+    """Return how many consecutive pieces of data form a block: ten correlation times of their scores.
 
     Blocks are shorter where fewer than twelve would remain.  Scores of neighbouring pieces are correlated if
-    model errors last longer than a piece.  With white residuals they are not correlated, and a piece is a
-    block.
+    model errors last longer than a piece.  With white residuals they are not correlated, and a block is one
+    piece.
 
     Args:
         scores: X^T e of each of S pieces, for P parameters, (S, P): columns X, the derivatives of the

@@ -46,12 +46,12 @@ FARTHEST = 3.0  # largest step of an initial state, in standard deviations of th
 
 @dataclass(frozen=True)
 class OutputError:
-    """Output-error problem over shots with free initial states, as `levenberg_marquardt` needs it.
+    """Output-error problem over shots (short predictions) with free initial states.
 
     Attributes:
         shots: The shots.
-        near: Similar candidate, already prepared for the shots; its rotor and internal states are reused
-            where possible.
+        near: Compiled vehicle similar to the fitted one, already prepared for the shots; its rotor and
+            internal states are reused where possible.
     """
 
     shots: Shots
@@ -78,12 +78,12 @@ class OutputError:
         return replace(self, shots=shots, near=None)
 
     def some(self, most: int) -> Self:
-        """Return a problem with at most `most` shots, spread evenly; the problem itself if it has fewer."""
+        """Return a problem with at most `most` shots, spread evenly; the problem itself if it has no more."""
         kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else self.over(kept)
 
     def over(self, kept: NDArray[np.bool_]) -> Self:
-        """Return a copy of the problem with some of the shots.
+        """Return a copy of the problem with a part of its shots.
 
         Args:
             kept: Mask of the shots that remain, (S,).
@@ -91,11 +91,11 @@ class OutputError:
         return replace(self, shots=self.shots.of(kept), near=None)
 
     def anchored(self) -> Self:
-        """Return a copy of the problem with the logged initial states as additional samples.
+        """Return a copy of the problem in which logged initial states count as samples and are not free.
 
-        The initial states are then no longer free.  The weight of the samples follows from the noise of the
-        channels, and stays the same if the channels are reweighted.  So the initial states of a fit far from
-        the noise cannot absorb errors of the model that are larger than the noise of the log.
+        The weight of these samples follows from the noise of the channels, and stays the same if the channels
+        are reweighted.  So the initial states of a fit far from the noise cannot absorb errors of the model
+        that are larger than the noise of the log.
         """
         return replace(self, shots=self.shots.anchored())
 
@@ -106,25 +106,25 @@ class OutputError:
 
         Args:
             vehicle: The vehicle.
-            like: Another vehicle prepared for the same shots, whose states are reused where they are the
-                same.
+            like: Another vehicle prepared for the same shots; its states are reused where they are the same.
         """
         return multiple_shooting.prepare(candidate(vehicle), self.shots, like)
 
     def residuals(self, vehicle: Vehicle) -> Array:
-        """Return measured minus predicted values of a vehicle, (S, length - lead, 12), in units of the noise.
+        """Return measured minus predicted values in S shots, in units of the noise, (S, length - lead, 12).
 
         The unit is the standard deviation of the noise of each channel: position, attitude, velocity, rates.
+        The first `lead` rows of a shot are not compared.
         """
         return multiple_shooting.residuals(self.prepared(vehicle), self.shots)
 
     def coarsened(self, vehicle: Vehicle) -> Self:
-        """Return a copy of the problem with the fewest integration steps accurate enough for a vehicle.
+        """Return a copy of the problem with the fewest integration steps that a vehicle needs.
 
-        Steps are short enough for residuals of the size of the noise.  Where residuals are far larger, longer
-        steps change no decision and save most of the time.  In each channel, they change the predictions of
-        the vehicle by at most INTEGRATION_ERROR of its residual.  If no fewer steps suffice, the result is
-        problem itself.
+        By default, steps are short enough for residuals of the size of the noise.  Where residuals are far
+        larger, longer steps change no decision and save most of the time.  In each channel, longer steps
+        change the predictions of the vehicle by at most INTEGRATION_ERROR of its residual.  If no fewer steps
+        suffice, the result is the problem itself.
         """
         tested = self.some(TESTED_SHOTS)
         prepared = tested.prepared(vehicle)
@@ -143,13 +143,13 @@ class OutputError:
         return self
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Return the least-squares problem linearised about a vehicle, without the shots' initial states.
+        """Return the least-squares problem, linearised about a vehicle, in P parameters of the vehicle alone.
 
-        The initial states are eliminated shot by shot.
+        The initial states of the shots are eliminated shot by shot.
 
         Args:
             base: The vehicle.
-            moved: Copies of the vehicle with one changed parameter each.
+            moved: P copies of the vehicle with one changed parameter each.
             steps: Size of each change, in the unit of the problem's parameters.
         """
         prepared = self.prepared(base, self.near)
@@ -160,18 +160,19 @@ class OutputError:
         return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Self]:
-        """Return the cost of a vehicle after a step, and the problem with initial states moved along.
+        """Return a vehicle's sum of squared residuals after a step, and a copy of the problem.
 
         Initial states move as the linearised problem predicts.  Where the cost of a shot is far from the
         expected one, shorter moves of its initial state are tried, at last none.
 
         Args:
             vehicle: Vehicle after the step.
-            step: Step of the P parameters, (P,).
+            step: Change of the P parameters, (P,).
             normal: Problem linearised before the step.
 
         Returns:
-            Sum of squared residuals, in units of the noise variance; and the problem.
+            Sum of squared residuals, in units of the noise variance; and a copy of this problem with the new
+            initial states.
         """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         farthest = FARTHEST * self.shots.trust
@@ -191,7 +192,7 @@ class OutputError:
         return float(costs.sum()), replace(self, shots=replace(self.shots, first=first), near=prepared)
 
     def reweighted(self, normal: Normal) -> tuple[Self, bool]:
-        """Return the problem with the noise of each channel set to its residual, and whether that changed it.
+        """Return the problem with each channel's noise set to its residual, and whether the noise changed.
 
         Channels that no model explains then count less.
 
@@ -208,7 +209,7 @@ class OutputError:
         return self.weighed(sigma), True
 
     def weighed(self, sigma: Array) -> Self:
-        """Return a copy of the problem with other noise of the channels.
+        """Return a copy of the problem with the given noise of the channels.
 
         Args:
             sigma: Standard deviation of position, attitude, velocity and rates, (12,) [m, rad, m/s, rad/s].
@@ -217,19 +218,19 @@ class OutputError:
 
 
 def in_waves(shots: Shots, model: Candidate) -> Shots:
-    """Return the shots with the covariance that the waves of a model cause; unchanged without waves.
+    """Return a copy of the shots with the covariance that the waves of a model cause (`swell`).
 
-    Predictions assume a calm sea.  Over the seconds of a shot the sea is a few harmonics of unknown
-    amplitudes with the variances of the file.  So the residual of a shot has the covariance 1 + X X^T in
-    units of the sensors' noise.  X are the responses of the shot to one standard deviation of each amplitude
-    in both directions (the unscented transform, Julier and Uhlmann 1997, which includes curvature).
-    Residuals and derivatives times (1 + X X^T)^(-1/2) are white again.  So a fit gives small weight to
-    directions that waves disturb, and its standard errors are larger.  Correlation of the waves between shots
-    is not used.
+    Without waves the shots are returned unchanged.  Predictions assume a calm sea.  Over the seconds of a
+    shot the sea is a few harmonics of unknown amplitudes with the variances of the file.  So the residual of
+    a shot has the covariance 1 + X X^T in units of the sensors' noise.  X are the responses of the shot to
+    one standard deviation of each amplitude in both directions (the unscented transform, Julier and Uhlmann
+    1997, which includes curvature). Residuals and derivatives times (1 + X X^T)^(-1/2) are white again.  So a
+    fit gives small weight to directions that waves disturb, and its standard errors are larger.  Correlation
+    of the waves between shots is not used.
 
     Args:
         shots: The shots.
-        model: Vehicle with its waves.
+        model: Compiled vehicle with its waves.
     """
     if not model.seas:
         return shots
@@ -255,7 +256,7 @@ def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputErro
     those with the smallest prediction error are used.
 
     Args:
-        unknown: P free components of a vehicle, with their own initial values.
+        unknown: P free components (numbers of parameters to fit) of a vehicle, with their own initial values.
         values: Result of the equation-error fit, (P,).
         shots: Shots of the recording.
 

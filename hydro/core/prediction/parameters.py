@@ -59,13 +59,13 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """Name such as `linear_damping.diagonal[0]`."""
+        """Name of the number, such as `linear_damping.diagonal[0]`."""
         return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
 
 
 @dataclass(frozen=True)
 class Free:
-    """P free components of a vehicle.
+    """P free components of a vehicle: numbers of its parameters that a fit may change.
 
     Attributes:
         vehicle: The vehicle with every fitted effect; new effects have zero values.
@@ -85,7 +85,7 @@ class Free:
         return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
-        """Return a new set of free components, in which some components are fixed at given values.
+        """Return a new set in which a part of the components is fixed and no longer listed.
 
         Args:
             values: Value of each free component, (P,): those to fix, and initial values of those that stay
@@ -105,23 +105,23 @@ class Free:
         return list(dict.fromkeys(entry.effect for entry in self.entries))
 
     def places(self, effect: str) -> list[int]:
-        """Return the indices, among the P free components, of those of an effect."""
+        """Return the indices, from 0 to P - 1, of the free components of one effect."""
         return [i for i, entry in enumerate(self.entries) if entry.effect == effect]
 
     @property
     def scales(self) -> Array:
-        """Scale of each component, (P,)."""
+        """Size of a significant value of each component, (P,), in its unit."""
         return np.array([entry.scale for entry in self.entries])
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Least and greatest values, (P,) each."""
+        """Least and greatest allowed value of each component, (P,) each."""
         low, high = [e.low for e in self.entries], [e.high for e in self.entries]
         return np.array(low) + 0.0, np.array(high) + 0.0  # no negative zeros
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
-    """Return the free components of named effects, without values that the vehicle file marks as known.
+    """Return the numbers of named effects that a fit may change, except those that the file marks as known.
 
     Args:
         vehicle: The vehicle.
@@ -177,7 +177,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
 
 
 def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
-    """Return the `[[effect]]` table of one fitted effect, filled with given numbers.
+    """Return the `[[effect]]` table of one fitted effect, with given numbers in the place of its parameters.
 
     Args:
         free_: P free components.
@@ -330,7 +330,7 @@ def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
 
 
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
-    """Return the unit of one component of a parameter.
+    """Return the unit of one component (one number) of a parameter.
 
     Args:
         parameter: The parameter.

@@ -38,11 +38,11 @@ FARTHEST = 1e3
 
 @dataclass(frozen=True)
 class Moved:
-    """Candidate, and copies of it in which one parameter each is changed.
+    """Compiled vehicle, and P copies with one changed parameter each, for numerical derivatives.
 
     Attributes:
-        base: The candidate.
-        others: P copies of the candidate with a changed parameter.
+        base: The vehicle.
+        others: P copies of the vehicle with a changed parameter.
         shares: Size of each change, in the unit of the problem's parameters, (P,).
     """
 
@@ -58,7 +58,7 @@ class Varied:
     Attributes:
         of: Index of each of the Q parameters among all parameters of the problem, (Q,).
         changes: Changes of the compiled vehicle, one for each parameter.
-        ahead: Change of the initial internal states of each of S shots per unit of each parameter, (S,
+        ahead: Change of the initial internal states in each of S shots per unit of each parameter, (S,
             states, Q).
         own: Initial internal states, in every shot, of effects that a change adds, (S, all).
     """
@@ -77,11 +77,13 @@ def linearise(
     *,
     threads: int | None = None,
 ) -> Normal:
-    """Linearise the least-squares problem about a candidate, with the shots' initial states eliminated.
+    """Return the least-squares problem of P parameters, linearised about a vehicle.
+
+    The initial states of the shots are eliminated shot by shot.
 
     Args:
-        base: The candidate, prepared for the shots.
-        moved: Copies of the candidate with one changed parameter each.
+        base: Compiled vehicle, prepared for the shots.
+        moved: P copies of the vehicle with one changed parameter each.
         steps: Size of each change, in the unit of the problem's parameters.
         shots: The shots.
         threads: Number of threads; by default, the number of cores.
@@ -164,7 +166,7 @@ def beginnings(base: Prepared, shots: Shots) -> Array:
     at most FARTHEST.
 
     Args:
-        base: The candidate, prepared for the shots.
+        base: Compiled vehicle, prepared for the shots.
         shots: The shots.
     """
     varied = _varied(Moved(base, (), np.zeros(0)), ())

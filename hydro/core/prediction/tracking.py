@@ -133,15 +133,15 @@ class _Segment:
 
     @property
     def bounds(self) -> Rows:
-        """First row of the segment, and the row after its last."""
+        """First row of the segment, and the row after its last, (2,)."""
         bounds: Rows = self.record.segments[self.number]
         return bounds
 
     def predicted(self, state: Array, row: int, rows: int) -> tuple[Array, Array]:
-        """Return predicted states, (rows, 13), and their responses to the first state, (rows, 12, 12).
+        """Return predicted states, (rows, 13), and their derivatives by the first state, (rows, 12, 12).
 
         Args:
-            state: State at the first row, (13,).
+            state: State at the first row: position, quaternion and nu, (13,).
             row: First row.
             rows: Number of rows.
         """
@@ -161,7 +161,7 @@ class _Segment:
 
 
 def tracked(vehicle: Vehicle, record: Recording) -> Recording:
-    """Return a recording in which a model has filled the channels that a segment never measured.
+    """Return a recording in which a model has estimated the channels without samples in a segment.
 
     The recording is returned unchanged if every channel was measured, or if the model diverges.
 
@@ -193,7 +193,7 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
 
 
 def shot_seconds(record: Recording) -> float:
-    """Return the length of the shots, the short predictions, into which a recording is cut [s].
+    """Return the length of the shots, the short predictions, into which a recording should be cut [s].
 
     Shots are longer if the sensors determine their initial states poorly.  Position is ignored for this,
     because hardly any force depends on it.

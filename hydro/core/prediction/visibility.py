@@ -36,9 +36,9 @@ AXES = (
 
 
 def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
-    """Return one line of text for each missing sensor: what is not observable, and how exact the rest is.
+    """Return one line for each missing sensor: what the recording cannot show, and how exact the rest is.
 
-    A last line names thrusters that the sensors show on one axis only.
+    A last line names thrusters that the sensors show on one axis only.  Empty if no sensor is missing.
 
     Args:
         vehicle: The vehicle.
@@ -51,9 +51,9 @@ def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
 
 
 def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
-    """Return one line of text for each missing sensor: what is not observable, and how exact the rest is.
+    """Return one line for each missing sensor: what the recording cannot show, and how exact the rest is.
 
-    A last line names thrusters that the sensors show on one axis only.
+    A last line names thrusters that the sensors show on one axis only.  Empty if no sensor is missing.
 
     Args:
         vehicle: The vehicle.

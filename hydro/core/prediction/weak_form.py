@@ -91,7 +91,8 @@ class Windows:
 
         Args:
             record: The recording.
-            sigma: Noise of the twelve channels; by default estimated from the recording.
+            sigma: Standard deviation of the noise of the twelve channels, (12,); by default estimated from
+                the recording.
             most: Maximum number of windows, spread evenly over a long recording; by default all.
             seconds: Length of a window [s]; at least nine rows.
             run: Number of consecutive windows that are kept or dropped together if `most` limits the number.
@@ -157,18 +158,18 @@ class Windows:
 
     @property
     def session(self) -> Rows:
-        """Session of the recording that each window lies in, (W,)."""
+        """Number of the session in which each window lies, (W,)."""
         segment = np.searchsorted(self.record.segments[:, 0], self.rows[self.starts], side="right") - 1
         return np.asarray(self.record.session[segment], np.int64)
 
     @property
     def consecutive(self) -> Mask:
-        """Mask of the windows that overlap half of the window before, (W,)."""
+        """Mask of the windows that start half a window after the window before, (W,)."""
         first, step = self.rows[self.starts], self.test.size // 2
         return np.asarray(np.diff(first, prepend=-1 - step) == step)
 
     def sums(self, values: Array) -> Array:
-        """Return the integrals over W windows of k signals times the test function, (W, k).
+        """Return the integrals over W windows of k signals times the test function phi, (W, k).
 
         Args:
             values: Signals at the K rows of the windows, (K, k).
@@ -180,9 +181,9 @@ class Windows:
         return found
 
     def changes(self, values: Array) -> Array:
-        """Return integrals over W windows of the rate of k signals times the test function, (W, k).
+        """Return the integrals over W windows of the time derivative of k signals times phi, (W, k).
 
-        Integration by parts moves the derivative to the test function.
+        Integration by parts moves the derivative to the test function phi.
 
         Args:
             values: Signals at the K rows of the windows, (K, k).
@@ -191,7 +192,7 @@ class Windows:
         return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
 
     def noise(self, lags: int) -> Array:
-        """Return the autocovariance of white velocity noise over neighbouring windows, (lags + 1, 6).
+        """Return the autocovariance that white velocity noise has over neighbouring windows, (lags + 1, 6).
 
         Args:
             lags: Greatest distance between two windows, in windows.
@@ -203,28 +204,32 @@ class Windows:
         return np.outer(sums, self.sigma[:6] ** 2)
 
     def drifting(self, model: Candidate) -> Array:
-        """Return the acceleration of a vehicle with thrusters at rest, at the rows of the windows, (K, 6)."""
+        """Return the acceleration that a model gives without thrust, in the K rows of windows, (K, 6).
+
+        Args:
+            model: Compiled vehicle.
+        """
         record, rows = self.record, self.rows
         at_rest = np.zeros((rows.size, record.commands.shape[1]))
         nu = true_velocity(model, record, self.nu)
         return np.asarray(accelerations_at(rows, model, record, self.eta, nu, at_rest))
 
     def moved(self, model: Candidate) -> Array:
-        """Return the measured acceleration, integrated with the test function, (W, 6).
+        """Return the measured acceleration, integrated over each window with the test function phi, (W, 6).
 
         Args:
-            model: Vehicle, whose DVL errors are corrected.
+            model: Compiled vehicle whose DVL errors are corrected.
         """
         return self.changes(true_velocity(model, self.record, self.record.nu)[self.rows])
 
     @property
     def shown(self) -> Mask:
-        """Mask of the equations of motion with samples in at least one window, (6,)."""
+        """Mask of the equations of motion, X to N, with samples in at least one window, (6,)."""
         known = np.ones((1, EQUATIONS)) if self.known is None else self.known
         return np.asarray((known[:, :6] > 0.0).any(axis=0))
 
     def counted(self, whitened: Array) -> Array:
-        """Return whitened residuals or responses times the weight `known` of each equation.
+        """Return whitened residuals or derivatives times the weight `known` of each equation, (..., W, k).
 
         Args:
             whitened: Values of the first k of the nine equations in W windows, (..., W, k).
@@ -232,13 +237,13 @@ class Windows:
         return whitened if self.known is None else whitened * self.known[:, : whitened.shape[-1]]
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """Return the least-squares problem linearised about a vehicle.
+        """Return the least-squares problem of P parameters, linearised about a vehicle.
 
         The residual is measured minus predicted.
 
         Args:
             base: The vehicle.
-            moved: Copies of the vehicle with one changed parameter each.
+            moved: P copies of the vehicle with one changed parameter each.
             steps: Size of each change, in the unit of the problem's parameters.
         """
         columns = self.columns(base, moved, steps)
@@ -251,7 +256,7 @@ class Windows:
 
         Args:
             base: The vehicle.
-            moved: Copies of the vehicle with one changed parameter each.
+            moved: P copies of the vehicle with one changed parameter each.
             steps: Size of each change, in the unit of the problem's parameters.
 
         Returns:
@@ -273,9 +278,9 @@ class Windows:
         return columns
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
-        """Return the sum of squared residuals of a vehicle, and the problem itself, unchanged.
+        """Return the sum of squared residuals of a vehicle, and this problem, unchanged.
 
-        The sum is infinite if a residual is not finite.  There are no initial states to update.
+        The sum is infinite if a residual is not finite.  The problem has no initial states to update.
 
         Args:
             vehicle: The vehicle.
@@ -286,7 +291,7 @@ class Windows:
         return (total if np.isfinite(total) else np.inf), self
 
     def reweighted(self, normal: Normal) -> tuple[Windows, bool]:
-        """Return the problem with less weight for equations with large residuals.
+        """Return the problem with less weight for large residuals, and whether a weight changed.
 
         Args:
             normal: Problem linearised at the present estimate.

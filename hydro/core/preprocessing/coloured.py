@@ -42,9 +42,9 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
         tests: Kinematic tests of DVL errors, by effect; shown errors are corrected first.
 
     Returns:
-        (12,) [m, rad, m/s, rad/s].  All are scaled down so that a true model still has a reduced chi-square
-        of 1, since velocities with a small weight have small residuals.  `sigma` unchanged if the noise is
-        white or there are no tests.
+        A new array, (12,) [m, rad, m/s, rad/s].  All are scaled down so that a true model still has a reduced
+        chi-square of 1, since velocities with a small weight have small residuals.  `sigma` unchanged if the
+        noise is white or there are no tests.
     """
     if not tests:
         return sigma
@@ -60,7 +60,7 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
 
 
 def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
-    """Return the white noise of velocity with the same effect over a second or two as its coloured noise.
+    """Return the size of white velocity noise that acts over a second or two as the coloured noise does.
 
     Args:
         record: The recording.

@@ -18,11 +18,11 @@ from hydro.core.recording.arrays import Recording
 
 
 def lateness(tests: Callable[[], Mapping[str, KinematicTest]]) -> float:
-    """Return the delay of the DVL [s] if a kinematic test shows a delay; else 0.
+    """Return the delay of the DVL [s] that a kinematic test shows; 0 if the test shows no delay.
 
     Args:
         tests: Function that returns the kinematic tests by effect; may raise a DataError for a short
-            recording.
+            recording, which then counts as no delay.
     """
     try:
         test = tests().get(SENSOR_DELAY.name)

@@ -63,10 +63,10 @@ HELD = 1e15  # prior information of a held component
 
 @dataclass(frozen=True)
 class KinematicTest:
-    """Kinematic test of one error of the DVL, given all other errors.
+    """Kinematic test of one error of the DVL: measured pose against velocity, all other errors given.
 
     Attributes:
-        effect: Name in the catalogue, for example `sensor_delay`.
+        effect: Name of the error in the catalogue of effects, for example `sensor_delay`.
         estimate: Estimated values of the effect's p components, (p,), in packing order (`Effect.pack`).
         covariance: Covariance of the estimate, (p, p), robust against correlated residuals.
         blocks: Number of independent blocks of data.
@@ -90,13 +90,13 @@ class KinematicTest:
 
     @property
     def visible(self) -> Array:
-        """Size at which each component alone would be shown with a probability of SEEN, (p,)."""
+        """Size at which each component alone would be found significant with a probability of SEEN, (p,)."""
         size: Array = (scipy.special.ndtri(SEEN) - scipy.special.ndtri(0.5 * SHOWN)) * self.standard_error
         return np.maximum(size, self.negligible)
 
     @property
     def table(self) -> dict[str, Any]:
-        """The estimate as an `[[effect]]` table of a vehicle file."""
+        """The estimate as a dict, as in an `[[effect]]` table of a vehicle file: `name` and one parameter."""
         name = ENTRIES[self.effect][0]
         number = CATALOGUE[self.effect].parameter(name).shape == ()
         value = float(self.estimate[0]) if number else self.estimate.tolist()
@@ -104,7 +104,7 @@ class KinematicTest:
 
     @property
     def errors(self) -> dict[str, Any]:
-        """Standard errors in the form of `table`, by parameter name."""
+        """Standard errors by parameter name, in the shape of the values in `table`."""
         name = ENTRIES[self.effect][0]
         number = CATALOGUE[self.effect].parameter(name).shape == ()
         return {name: float(self.standard_error[0]) if number else self.standard_error.tolist()}
@@ -115,12 +115,20 @@ class KinematicTest:
         return self.chance(np.zeros_like(self.estimate))
 
     def distance(self, claimed: Array) -> float:
-        """Return the squared Mahalanobis distance (a number) of the estimate from claimed values (p,)."""
+        """Return the squared Mahalanobis distance of the estimate from claimed values.
+
+        Args:
+            claimed: Claimed values of the p components, (p,).
+        """
         away = self.estimate - claimed
         return float(away @ np.linalg.solve(self.covariance, away))
 
     def chance(self, claimed: Array) -> float:
-        """Return the p-value of the estimate if the claimed values (p,) are true, by an F test."""
+        """Return the p-value of the estimate if claimed values are true, by an F test.
+
+        Args:
+            claimed: Claimed values of the p components, (p,).
+        """
         entries = len(self.estimate)
         return float(
             scipy.special.fdtrc(entries, max(self.blocks - entries, 1), self.distance(claimed) / entries)
@@ -128,7 +136,7 @@ class KinematicTest:
 
 
 def shown(test: KinematicTest) -> bool:
-    """Return whether a test shows its effect: significant, larger than negligible, and needed by the fit."""
+    """Return whether a test shows a DVL error: significant, not negligible, and needed by the fit."""
     size, error = test.estimate, test.standard_error
     if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
         return False  # impossible for a DVL: the pose is late, not the DVL
@@ -167,7 +175,7 @@ def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
 
 
 def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
-    """Return a test of pose against velocity for each error of the DVL.
+    """Return a test of each error of the DVL, which compares measured pose and velocity.
 
     Args:
         record: The recording.

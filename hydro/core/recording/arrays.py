@@ -1,4 +1,4 @@
-"""Raw table as arrays, validated once, for identification."""
+"""Raw table (an imported log with one row per sample time) as arrays, validated once, for identification."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
 
 @dataclass(frozen=True)
 class Recording:
-    """Raw table in float64.
+    """Raw table (an imported log: one clock, SI units, NED and FRD frames) as float64 arrays of N rows.
 
     Where a sensor has no sample, eta and nu are filled: the values are initial guesses, not measurements.
 
@@ -60,7 +60,8 @@ class Recording:
         seen: Mask of the values of pose and velocity that are samples, (N, 12); None if all values are.
         sigma: Standard deviation of the noise of channels with pseudo-observations (`recording.heavy_tails`),
             (12,), NaN for other channels; None without such channels.
-        doubt: Standard deviation of values that a model filled into channels without samples, (12,).
+        doubt: Standard deviation of values that a model filled into channels without samples, (12,); None if
+            no model filled any.
     """
 
     t: Array
@@ -82,12 +83,12 @@ class Recording:
 
     @cached_property
     def sampled(self) -> frozenset[str]:
-        """Names of the channels of pose and velocity that have samples, such as `x` or `u`."""
+        """Names of the channels of pose and velocity that have samples, such as `x` or `u`; a property."""
         some = np.arange(12) if self.seen is None else np.flatnonzero(self.seen.any(axis=0))
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
 
     def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
-        """Return whether at least one of several groups of channels is measured completely.
+        """Return whether, of several groups of channels, at least one group has samples in every channel.
 
         Args:
             alternatives: Groups of names of channels, such as `x` or `u`.
@@ -101,7 +102,11 @@ class Recording:
 
 
 def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
-    """Return a raw table as arrays, with the effective commands of a vehicle's thrusters.
+    """Return a raw table as a `Recording`, with the effective commands of a vehicle's thrusters.
+
+    Args:
+        vehicle: Vehicle whose thrusters the commands drive.
+        raw: Raw table: `session`, `t`, pose, velocity and the commands `cmd_1 ... cmd_n`.
 
     Raises:
         DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
@@ -147,7 +152,7 @@ def _samples(raw: pl.DataFrame) -> Mask | None:
 
 
 def smoothed(record: Recording) -> tuple[Array, Array]:
-    """Return pose and velocity smoothed by local cubics of half a second, without delay.
+    """Return pose and velocity smoothed by local cubic polynomials over half a second, without delay.
 
     The attitude is smoothed as a quaternion, so that the vehicle may loop: roll and heading jump by half a
     turn at the vertical.
@@ -196,13 +201,13 @@ def noise(record: Recording) -> Array:
 
 
 def drawn(record: Recording, of: slice = slice(None)) -> bool:
-    """Return whether any of some channels holds values that were interpolated between a sensor's samples.
+    """Return whether a channel holds values that were interpolated between a sensor's samples.
 
     The noise of an interpolated channel is not white from row to row, even if its size is known.
 
     Args:
         record: The recording.
-        of: Slice of the 12 channels, pose then velocity; by default all.
+        of: Slice of the 12 channels (pose, then velocity) to check; by default all.
     """
     if record.seen is not None and not record.seen[:, of].all():
         return True
@@ -210,9 +215,9 @@ def drawn(record: Recording, of: slice = slice(None)) -> bool:
 
 
 def channels(record: Recording) -> Iterator[list[Array]]:
-    """Yield each of the 12 channels, pose then velocity, as a list with one array (n,) per segment.
+    """Yield each of the 12 channels of a recording, pose then velocity, as a list of arrays, one per segment.
 
-    Angles are unwrapped.
+    Every array holds all rows of its segment, (n,).  Angles are unwrapped.
     """
     channels = np.hstack([record.eta, record.nu])
     for start, stop in record.segments:
@@ -222,7 +227,10 @@ def channels(record: Recording) -> Iterator[list[Array]]:
 
 
 def samples(record: Recording) -> Iterator[list[Array]]:
-    """Yield each of the 12 channels' samples as a list with one array per segment, without filled values."""
+    """Yield the samples of each of the 12 channels, pose then velocity, as a list of arrays, one per segment.
+
+    Values that were filled between samples are left out, so arrays of one segment may differ in length.
+    """
     for i, parts in enumerate(channels(record)):
         if record.seen is None:
             yield parts
@@ -232,12 +240,15 @@ def samples(record: Recording) -> Iterator[list[Array]]:
 
 
 def evenly_spaced(parts: Sequence[NDArray[Number]], record: Recording, channel: int) -> list[NDArray[Number]]:
-    """Return the values at the samples of a channel in evenly spaced runs, split at dropouts.
+    """Return values at the samples of one channel in evenly spaced runs, split where samples are missing.
 
     Args:
-        parts: Values at the samples, by segments.
+        parts: Values at the samples of the channel, one array per segment.
         record: The recording.
-        channel: Number of the channel, pose then velocity.
+        channel: Number of the channel, 0 to 5 pose, 6 to 11 velocity.
+
+    Returns:
+        One array per run.  A channel with samples in few rows is not split: one array per segment.
     """
     if record.seen is None or record.seen[:, channel].mean() <= MOSTLY:
         return list(parts)

@@ -22,14 +22,15 @@ PLAIN_BIAS = 1e-3  # rad/s, minimum size of a reported bias
 
 
 def pose_error(record: Recording, nu: Array) -> tuple[Array, Array]:
-    """Return the logged pose minus a dead reckoning from velocities, (N, 3) each [m], [rad].
+    """Return the error of the logged pose relative to dead reckoning from given velocities.
 
     Args:
         record: The recording, with N rows.
-        nu: Velocities, (N, 6), integrated by trapezoids.
+        nu: Velocities, body axes, (N, 6) [m/s, rad/s], integrated by trapezoids.
 
     Returns:
-        Error of position and of attitude.  Differences between rows of two segments have no meaning.
+        Logged minus integrated position, NED, (N, 3) [m], and attitude about body axes, (N, 3) [rad].
+        Differences between rows of two segments have no meaning.
     """
     R = rotation(*record.eta[:, 3:].T)
     along = np.einsum("kij,kj->ki", R, nu[:, :3])

@@ -31,7 +31,7 @@ EXPLAINED = 1.25
 
 
 def require_rows(rows: float) -> None:
-    """Raise an error if a recording has more rows than a table may have.
+    """Raise an error if `rows`, the number of rows of a planned recording, exceeds MOST_ROWS.
 
     Raises:
         DataError: There are too many rows; the message gives their number.
@@ -44,14 +44,14 @@ def require_rows(rows: float) -> None:
 
 
 def require_rate(rate: float, step: float) -> None:
-    """Raise an error if a row rate is far above that of any sensor.
+    """Raise an error if a planned row rate is far above the rate of the fastest sensor.
 
     Args:
-        rate: Rows per second.
-        step: Median step of the fastest sensor [s].
+        rate: Rows per second of the table to make.
+        step: Median time between samples of the fastest sensor [s].
 
     Raises:
-        DataError: The rate is too high.
+        DataError: The rate is more than FINEST rows for each sample.
     """
     if rate * step > FINEST:
         raise DataError(
@@ -61,7 +61,7 @@ def require_rate(rate: float, step: float) -> None:
 
 
 def duration(seconds: float) -> str:
-    """Return a duration, given in `seconds`, in words, such as "5 minutes"."""
+    """Return a duration of `seconds` [s] in words, such as "5 minutes"."""
     for size, unit in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.0f} {unit}"
@@ -69,7 +69,7 @@ def duration(seconds: float) -> str:
 
 
 class Expected(NamedTuple):
-    """Range of the duration of work whose extent is not known in advance.
+    """Expected duration of a diagnosis as a range, because the extent of its search is not known in advance.
 
     Attributes:
         shortest: Duration if the vehicle file lacks no effect [s].
@@ -85,7 +85,7 @@ class Expected(NamedTuple):
         return math.sqrt(self.shortest * self.longest)
 
     def times(self, factor: float) -> Expected:
-        """Return the range for work that takes `factor` times as long."""
+        """Return a new range with both durations multiplied by `factor`."""
         return Expected(factor * self.shortest, factor * self.longest)
 
     def __str__(self) -> str:
@@ -94,10 +94,10 @@ class Expected(NamedTuple):
 
 
 def diagnosis_seconds(rows: int, processors: int) -> Expected:
-    """Return the estimated range of the duration of a diagnosis [s].
+    """Return the estimated duration of a diagnosis of a recording, as a range [s].
 
-    It depends mostly on how many effects are missing and on how well any formula fits the hull.  Neither is
-    known in advance, so the estimate is a range.
+    The duration depends mostly on how many effects are missing and on how well any formula fits the hull.
+    Neither is known in advance.
 
     Args:
         rows: Rows of the recording.
@@ -108,9 +108,9 @@ def diagnosis_seconds(rows: int, processors: int) -> Expected:
 
 
 def above_surface(raw: pl.DataFrame) -> str:
-    """Return a warning that a simulated vehicle left the water, and when; else an empty string.
+    """Return a warning that gives when a simulated vehicle left the water; an empty string if it did not.
 
-    Sessions that start at the origin start at the surface, so a small height is ignored.
+    A small height is ignored, because sessions that start at the origin start at the surface.
 
     Args:
         raw: Raw table of a simulation; depth `z` [m] is 0 at the surface.

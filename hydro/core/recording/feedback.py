@@ -45,12 +45,13 @@ RIDGE = 1e-10
 
 @dataclass(frozen=True)
 class Feedback:
-    """Result of the feedback test.
+    """Result of the feedback test.  The demand is the wrench of the commanded thrusts.
 
     Attributes:
-        share: Share of the demand's changes over a second that the motion explains, held out, over all axes.
-        by_axis: The share on each axis, (6,); 0 for axes without thrust.
-        p_values: p-values of the prediction by the motion, (6,); 1 where the share is below MATERIAL.
+        share: Fraction of the demand's squared changes over one second that follow from pose and velocity,
+            over all axes.
+        by_axis: The same fraction for each axis, (6,); 0 for axes without thrust.
+        p_values: p-value of that dependence for each axis, (6,); 1 where the fraction is below MATERIAL.
     """
 
     share: float
@@ -59,17 +60,20 @@ class Feedback:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes (0 to 5) on which the demand depends significantly on pose or velocity."""
+        """Axes, 0 (surge) to 5 (yaw), on which the commands depend significantly on pose or velocity."""
         sure = self.p_values <= ALPHA / len(DOF)
         return tuple(int(i) for i in np.flatnonzero(sure & (self.by_axis >= MATERIAL)))
 
     @property
     def closed(self) -> bool:
-        """Whether the recording was made under significant feedback."""
+        """Whether the commands depend significantly on the motion on at least one axis."""
         return bool(self.axes)
 
     def words(self) -> str:
-        """Return words for the axes with feedback, with the share explained: `heave to z and w (40%)`."""
+        """Return text on the axes with feedback, such as `heave to z and w (40%)`; empty without feedback.
+
+        The percentage is the fraction of the demand's changes that the motion predicts.
+        """
         return "; ".join(
             f"{DOF[i]} to {POSE[i]} and {VELOCITY[i]} ({self.by_axis[i]:.0%})" for i in self.axes
         )

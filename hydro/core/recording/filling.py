@@ -19,7 +19,9 @@ ANGLES = slice(3, 6)
 
 
 def filled(motion: Array, bounds: Rows, dt: float) -> Array:
-    """Return a copy of pose and velocity with NaN filled, (N, 12); measured values stay unchanged.
+    """Return a copy of pose and velocity, (N, 12), in which each NaN is replaced by an initial guess.
+
+    Measured values stay unchanged.
 
     Args:
         motion: Pose and velocity, NaN without a sample, (N, 12) [m, rad, m/s, rad/s].
@@ -39,12 +41,12 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
 
 
 def unshown(seen: Mask) -> Mask:
-    """Return a mask of the 12 channels of pose and velocity that are unknown in a segment, (12,).
+    """Return a mask, (12,), of the channels (pose, then velocity) that a segment's samples do not show.
 
-    A channel is unknown if it has no samples, and is no velocity that follows from a sampled pose.
+    These are channels without samples, except velocities that follow from a sampled pose.
 
     Args:
-        seen: Whether each row has a sample of each channel, (N, 12).
+        seen: Whether each of the segment's N rows has a sample of each channel, (N, 12).
     """
     never: Mask = np.logical_not(seen.any(axis=0))
     tilted = never[ANGLES].any()
@@ -82,7 +84,7 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
 
 
 def slope_noise(dt: float) -> float:
-    """Return the ratio of the noise of a pose's slope, a velocity, to the noise of the pose [1/s].
+    """Return the noise of a velocity computed as the slope of the pose, per unit noise of the pose [1/s].
 
     Args:
         dt: Sample time [s].
@@ -111,7 +113,9 @@ def _rates(quaternion: Array, turning: Array) -> Array:
 
 
 def steady(quaternion: Array) -> Array:
-    """Return quaternions of the same rotations whose sign does not jump from row to row, a new array (N, 4).
+    """Return a copy of a series of quaternions, (N, 4), with signs that do not jump between rows.
+
+    The rotations stay the same, as q and -q are the same rotation.
 
     Args:
         quaternion: Quaternions, (N, 4).

@@ -1,4 +1,4 @@
-"""Detection of channels that hold a filter's estimates, which jump at each correction by a sample.
+"""Detection of channels that hold estimates of a Kalman filter, which jump when the filter gets a sample.
 
 A vehicle's position cannot jump.  A filter's estimate does: at each sample it moves by a part of the
 innovation.  Between two corrections it is the prediction of the filter's model, not a measurement.  Used as a
@@ -33,11 +33,16 @@ ALIKE = 0.05
 
 
 def filter_corrections(record: Recording) -> dict[str, Mask]:
-    """Return masks (N,) of the rows right after a filter's corrections, for each channel with such steps.
+    """Return masks of the rows right after a filter's corrections, for each channel with estimates.
+
+    A filter's correction by a sample shows as a jump of the channel.
 
     Args:
-        record: The recording.  Channels with unsampled rows are skipped, and so are all channels of a log too
-            sparse to separate a step from a fast motion.
+        record: The recording, with N rows.  Channels with unsampled rows are skipped, and so are all channels
+            of a log too sparse to separate a jump from a fast motion.
+
+    Returns:
+        Masks, (N,), by name of the pose channel, such as `x`; empty if no channel has such jumps.
     """
     if is_sparse(record.dt):
         return {}
@@ -55,7 +60,7 @@ def filter_corrections(record: Recording) -> dict[str, Mask]:
 
 
 def without_predictions(raw: pl.DataFrame, corrected: dict[str, Mask]) -> pl.DataFrame:
-    """Return the table with nulls in place of a filter's predictions between its corrections.
+    """Return a copy of the table with nulls where a channel holds a filter's predictions between corrections.
 
     Args:
         raw: Raw table of N rows.

@@ -81,7 +81,7 @@ GRID, FARTHEST = 0.02, 80.0  # step and range of the densities, in units of the 
 
 @dataclass(frozen=True)
 class Tail:
-    """Noise of one channel as Student's t.
+    """Noise of one channel, described by Student's t distribution.
 
     Attributes:
         channel: Name of the channel.
@@ -96,7 +96,9 @@ class Tail:
     width: int
 
     def score(self, z: Array) -> Array:
-        """Return the score psi(z) = (nu + 1) z/(nu + z^2) with nu degrees of freedom, an array like `z`.
+        """Return the score function psi(z) = (nu + 1) z/(nu + z^2), an array like `z`.
+
+        nu are the degrees of freedom.
 
         Args:
             z: Errors in units of the scale.
@@ -105,7 +107,7 @@ class Tail:
         return psi
 
     def slope(self, z: Array) -> Array:
-        """Return the derivative of the score, psi'(z), an array like `z`.
+        """Return the derivative psi'(z) of the score function, an array like `z`.
 
         Args:
             z: Errors in units of the scale.
@@ -115,11 +117,11 @@ class Tail:
         return slope
 
     def plausible(self, error: Array, count: int) -> Mask:
-        """Return a mask of the errors that are plausible as the largest of several samples.
+        """Return a mask of the errors that are plausible even as the largest of several samples.
 
         Args:
-            error: Errors, in the channel's unit.
-            count: Number of the samples.
+            error: Errors, in the channel's unit, of any shape; the mask has the same.
+            count: Number of these samples.
         """
         beyond = count * 2.0 * scipy.special.stdtr(self.freedom, -np.abs(error) / self.scale)
         return np.asarray(beyond >= PLAUSIBLE)
@@ -153,7 +155,7 @@ def heavy_tails(record: Recording) -> dict[int, Tail]:
 def pseudo_observed(
     raw: pl.DataFrame, record: Recording, tails: Mapping[int, Tail]
 ) -> tuple[pl.DataFrame, Array]:
-    """Return a table in which the samples of channels with heavy tails are replaced by pseudo-observations.
+    """Return a table with pseudo-observations in the place of samples with heavy-tailed noise.
 
     A pseudo-observation has Gaussian noise with as much information as the sample.  Other channels stay
     unchanged.
@@ -179,10 +181,13 @@ def pseudo_observed(
 
 
 def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array], float]:
-    """Return the pseudo-observations y* of samples, and their standard deviation; the module defines y*.
+    """Return pseudo-observations of one channel, segment by segment, and their common standard deviation.
+
+    A pseudo-observation is the value of a local cubic polynomial plus a limited part of the sample's error.
 
     Args:
-        parts: Evenly spaced samples, segment by segment; segments shorter than `tail.width` stay unchanged.
+        parts: Evenly spaced samples, one array per segment; segments shorter than `tail.width` stay
+            unchanged.
         tail: Noise of the samples.
     """
     width = tail.width

@@ -29,18 +29,18 @@ BEYOND = 1.5
 
 
 def is_sparse(spacing: float) -> bool:
-    """Return whether samples `spacing` [s] apart are too sparse to separate a corner from an outlier."""
+    """Return whether samples `spacing` [s] apart are too sparse to tell a corner from an outlier."""
     return 2 * NEIGHBOURS * spacing > RESOLVED
 
 
 def jumping(series: Sequence[Array], bursts: Sequence[int], spacing: float = 0.0) -> list[Mask]:
     """Return one mask for each series of samples, true for the samples that jump away and back.
 
-    Passes are repeated without the samples already found.
+    The search is repeated without the samples already found.
 
     Args:
         series: Series of samples, evenly spaced.
-        bursts: Numbers of consecutive samples that may jump together.
+        bursts: Numbers of consecutive samples that may jump together, each of which is tried.
         spacing: Time from sample to sample [s].  Between sparse samples a jump must exceed every other
             change, since the motion may change as fast.
     """

@@ -37,16 +37,17 @@ LEAST_COSINE = 0.1
 
 
 class Model(NamedTuple):
-    """Parameters of the smoother.
+    """Parameters of the kinematic smoother.  Its state has 31 numbers, the error of the state 30.
 
     Attributes:
         dt: Sample time [s].
         density: Spectral density of the white noise in the derivatives of nu' and nu'' of each axis, (6, 2)
             [m^2/s^5, rad^2/s^5; m^2/s^7, rad^2/s^7].
-        variance: Variance of the white noise of each channel, (12,) [m^2, rad^2, m^2/s^2, rad^2/s^2].
+        variance: Variance of the white noise of each channel (pose, then velocity), (12,) [m^2, rad^2,
+            m^2/s^2, rad^2/s^2].
         prior: Variance of each error before the first sample, (30,).
-        log: Derivative of the logged velocity by the error, (6, 30).
-        offset: Logged velocity of a body at rest, (6,) [m/s, rad/s].
+        log: Derivative of the velocity in the log by the error of the state, (6, 30).
+        offset: Velocity in the log for a body at rest, (6,) [m/s, rad/s].
     """
 
     dt: float
@@ -58,7 +59,7 @@ class Model(NamedTuple):
 
 
 def velocity_rows(log: Array, late: float) -> tuple[Array, Array]:
-    """Return the measurement model of a DVL, linear in the error state: matrix (6, 30) and offset (6,).
+    """Return the measurement model of a DVL, linear in the state's error: matrix (6, 30), offset (6,).
 
     A DVL measures u_m = G [v(t - d) + omega(t - d) x r] + b, with the velocity v and rates omega of the
     vehicle, matrix G of scale and rotation, delay d, place r and bias b.
@@ -108,7 +109,7 @@ def turn(quaternion: Array, twist: Array, out: Array) -> None:
 
 @jit
 def corrected(state: Array, error: Array, out: Array) -> None:
-    """Write a state corrected by an error into `out`.
+    """Write to `out` a state plus an error.
 
     Args:
         state: Nominal state, (31,), with the attitude as a quaternion.
@@ -124,7 +125,7 @@ def corrected(state: Array, error: Array, out: Array) -> None:
 
 @jit
 def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
-    """Advance the state by one row, and compute the transition matrix of the error.
+    """Advance the state by one row, and compute how an error of the state changes in that row.
 
     The position is integrated by Simpson's rule, the attitude by the mean rate.
 
@@ -132,9 +133,9 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
         state: Nominal state, (31,).
         dt: Sample time [s].
         out: Output: state one row later, (31,).
-        phi: Output: transition matrix, (30, 30).  It must hold the identity before; not all entries are
-            written.
-        R: Output: rotation from body to world halfway between the rows.
+        phi: Output: transition matrix of the error, (30, 30).  It must hold the identity before; not all
+            entries are written.
+        R: Output: rotation from body to world halfway between the rows, (3, 3).
     """
     R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
     S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -179,7 +180,9 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
 
 @jit
 def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: NDArray[np.int64]) -> int:
-    """Find the entries of the error vector (30,) that the white noise in nu'' of one axis reaches.
+    """Find the entries of the error vector (30,) that the white noise of one axis reaches.
+
+    The noise acts on the derivative of nu''.
 
     Args:
         axis: Number of the axis, 0 to 5.
@@ -203,12 +206,14 @@ def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: N
 
 @jit
 def integrated(dt: float, first: int, second: int) -> float:
-    """Return the covariance of two integrals of the same unit white noise over `dt` [s].
+    """Return the covariance of two multiple integrals over time of the same unit white noise.
+
+    It is the integral from 0 to dt of t^a/a! t^b/b!, with a and b the further integrations.
 
     Args:
-        dt: Time [s].
-        first: Number of integrations of the first.
-        second: Number of integrations of the second.
+        dt: Time of integration [s].
+        first: Number a of integrations after the first one, for the first integral.
+        second: The number b for the second integral.
     """
     size = dt ** (first + second + 1) / (first + second + 1)
     for n in range(2, first + 1):
@@ -220,7 +225,7 @@ def integrated(dt: float, first: int, second: int) -> float:
 
 @jit
 def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
-    """Add the covariance that white noise causes from one row to the next to `P`.
+    """Add to `P` the covariance of the state's error that white noise causes from one row to the next.
 
     Args:
         P: Covariance of the error, (30, 30), changed in place.
@@ -240,7 +245,7 @@ def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
 
 @jit
 def rotation_vector(q: Array, measured: Array, out: Array) -> None:
-    """Write the rotation from one attitude to another into `out`.
+    """Write to `out` the rotation vector that turns a first attitude into a second.
 
     Args:
         q: First attitude, a unit quaternion (4,).
@@ -270,7 +275,7 @@ def angles(q: Array, out: Array) -> None:
 
 @jit
 def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> None:
-    """Write the residuals of the measured angles in one row, and their derivatives.
+    """Write the residuals of the measured angles of one row, and their derivatives by the error of the state.
 
     Three angles are compared as one rotation, about body axes, without singularity.  Fewer angles are
     compared one by one.
@@ -280,7 +285,7 @@ def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> Non
         z: Samples of pose and velocity, (12,).
         seen: Mask of the existing samples, (12,).
         e: Output: residuals, (12,); only those of angles are written.
-        H: Output: derivatives by the error, (12, 30).
+        H: Output: derivatives, (12, 30).
     """
     q, found, twist = state[QUATERNION : QUATERNION + 4], np.empty(3), np.empty(3)
     if seen[3] and seen[4] and seen[5]:
@@ -313,15 +318,15 @@ def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> Non
 
 @jit
 def sensor_rows(state: Array, z: Array, seen: Mask, model: Model, e: Array, H: Array) -> None:
-    """Write the residuals of the samples in one row, and their derivatives by the errors of the state.
+    """Write the residuals of all samples of one row, and their derivatives by the error of the state.
 
     Args:
-        state: State of the smoother.
-        z: Samples of pose and velocity (12,).
-        seen: Mask of the existing samples (12,).
-        model: Motion model.
-        e: Output: residuals (12,), 0 without a sample.
-        H: Output: derivatives (12, 30), 0 without a sample.
+        state: State of the smoother, (31,).
+        z: Samples of pose and velocity, (12,).
+        seen: Mask of the existing samples, (12,).
+        model: Parameters of the smoother.
+        e: Output: residuals, (12,), 0 without a sample.
+        H: Output: derivatives, (12, 30), 0 without a sample.
     """
     e[:] = 0.0
     H[:] = 0.0

@@ -88,7 +88,12 @@ class Smoothed:
 
 
 class Samples(NamedTuple):
-    """Channels (n, 12) of some rows, angles in rad, and a mask of the samples."""
+    """Values of pose and velocity in n rows.
+
+    Attributes:
+        z: The values, (n, 12), angles in rad; not used where there is no sample.
+        seen: Mask of the values that are samples, (n, 12).
+    """
 
     z: Array
     seen: Mask
@@ -266,7 +271,7 @@ def smooth(
     log: Array | None = None,
     density: Array | None = None,
 ) -> Smoothed:
-    """Smooth a recording with nulls.
+    """Smooth a recording with missing samples: estimate the motion of every row by a Kalman smoother.
 
     Args:
         samples: Pose and velocity, NaN without a sample, (N, 12) [m, rad, m/s, rad/s]; pose in NED, velocity
@@ -274,12 +279,14 @@ def smooth(
         bounds: Segments [start, stop), (S, 2).
         dt: Sample time [s].
         noise: Standard deviation of the white noise of each channel, (12,).
-        log: The errors of the vehicle's DVL, (13,), see `effects.sensor`; they are part of the measurement.
+        log: The errors of the vehicle's DVL, (13,), see `effects.sensor`; the motion is corrected for them.
+            By default none.
         density: Spectral densities of the white noise, (6, 2), see `kinematic_model.Model`; by default those
             of maximum likelihood.
 
     Returns:
-        Every row of segments with samples of each angle that the smoothed motion follows; NaN elsewhere.
+        The motion, for every row of the segments with samples of each angle; NaN in other segments, and in
+        those whose samples contradict each other.
     """
     shown = np.array([np.isfinite(samples[a:b, 3:6]).any(axis=0).all() for a, b in bounds], dtype=bool)
     known, late = _in_time(samples, bounds, dt, log)

@@ -23,9 +23,9 @@ ALIVE = 0.9
 
 
 def repeated_rows(record: Recording) -> Mask:
-    """Return a mask of the rows in which the logger received nothing new and repeated the row before, (N,).
+    """Return a mask of the rows, (N,), that repeat the row before because the logger received nothing new.
 
-    The mask has no true value if the repeats are as regular as those of a slow sensor.
+    The mask is false everywhere if the repeats are as regular as those of a slow sensor.
     """
     motion, none = np.hstack([record.eta, record.nu]), np.zeros(record.rows, bool)
     same, repeated = (np.diff(motion, axis=0) == 0.0).all(axis=1), none.copy()
@@ -44,12 +44,12 @@ def repeated_rows(record: Recording) -> Mask:
 def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.DataFrame:
     """Return a copy of a raw table with nulls for pose and velocity in repeated rows.
 
-    Commands that are repeated too are interpolated, since repeated commands would be late.
+    If the commands repeat in the same rows, they are interpolated, since repeated commands would be late.
 
     Args:
-        raw: Raw table.
+        raw: Raw table of N rows.
         record: The table as arrays.
-        repeated: Mask of the rows that repeat the row before, (N,).
+        repeated: Mask of the rows that repeat the row before, (N,), from `repeated_rows`.
     """
     columns = [pl.when(pl.Series(~repeated)).then(pl.col(name)).alias(name) for name in (*POSE, *VELOCITY)]
     names = [name for name in raw.columns if name.startswith(COMMAND)]

@@ -53,7 +53,7 @@ def sessions(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 class Clock(NamedTuple):
-    """Clock of the rows of a session.
+    """Clock of the rows of a recording: number of rows, sample time and segments without gaps.
 
     Attributes:
         rows: Number of rows.
@@ -67,7 +67,7 @@ class Clock(NamedTuple):
 
 
 def clock(frame: pl.DataFrame) -> Clock:
-    """Return the clock of a session, or of a whole recording: number of rows, sample time and segments.
+    """Return the clock of one session, or of a whole recording: number of rows, sample time and segments.
 
     Args:
         frame: A table with `session` and `t` [s].
@@ -126,7 +126,9 @@ def segments(frame: pl.DataFrame) -> Rows:
 
 
 def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
-    """Return a mask of the segments that continue a session after a gap, (S,); the others start a session.
+    """Return a mask, (S,), of the segments that continue a session after a gap.
+
+    False: the segment starts one.
 
     Args:
         frame: A table with `session`.
@@ -139,7 +141,7 @@ def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
 
 
 def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
-    """Raise an error if a raw table has rows that lack samples of a sensor.
+    """Raise an error if any of the given columns of a raw table has a row without a sample.
 
     Args:
         raw: Raw table.
@@ -158,7 +160,7 @@ def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
 
 
 def gaps(frame: pl.DataFrame) -> str:
-    """Return a sentence on the number of gaps in time and the place of the first; empty text without gaps.
+    """Return one sentence with the number of gaps in time and the first one's place; empty text without gaps.
 
     Args:
         frame: A table with `session` and `t` [s].

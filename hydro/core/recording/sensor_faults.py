@@ -45,7 +45,7 @@ LEVEL = 0.5  # cosine of the pitch below which noise dominates roll and heading
 
 @dataclass(frozen=True)
 class Fault:
-    """Fault of a log, of one kind.
+    """One kind of fault of a log, such as frozen values.
 
     Attributes:
         columns: Columns of the raw table with the fault.
@@ -61,10 +61,11 @@ class Corrected:
     """Recording with corrected sensor faults.
 
     Attributes:
-        raw: Raw table.
-        record: The table as arrays; channels with heavy tails hold pseudo-observations.
-        faults: The faults, one of each kind.
-        tails: Noise of channels with heavy tails.
+        raw: Corrected raw table.
+        record: The table as arrays; channels with heavy-tailed noise hold pseudo-observations, samples with
+            Gaussian noise of the same information.
+        faults: The faults that were found, one of each kind.
+        tails: Noise of the channels with heavy tails.
     """
 
     raw: pl.DataFrame
@@ -75,13 +76,12 @@ class Corrected:
 
 @dataclass(frozen=True)
 class Faults:
-    """Masks of impossible readings of a recording.
+    """Masks of impossible readings of a recording, (N, 12) each, pose then velocity.
 
     Attributes:
-        jumps: Readings that jump away for some samples and back, (N, 12), pose then velocity.
-        marks: Values that stand for a missing reading and recur, such as 0, (N, 12).
-        stills: Frozen values: they repeat although the sensor has noise, or although the pose changes, (N,
-            12).
+        jumps: Readings that jump away for some samples and back.
+        marks: Values that stand for a missing reading and recur, such as 0.
+        stills: Frozen values: they repeat although the sensor has noise, or although the pose changes.
     """
 
     jumps: Mask
@@ -132,7 +132,7 @@ def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
 
 
 def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """Return a recording without impossible readings and a gyro's bias; heavy tails of noise are reduced.
+    """Return a recording whose sensor faults are corrected: bad readings, gyro bias and heavy-tailed noise.
 
     Args:
         vehicle: The vehicle.
@@ -145,7 +145,9 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """Return a recording without impossible readings; a gyro's bias and the noise stay.
+    """Return a recording without repeated rows, jumps, frozen values and values for "no reading".
+
+    The bias of a gyro and the noise stay.
 
     Args:
         vehicle: The vehicle.
@@ -173,7 +175,7 @@ def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
 
 
 def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """Return a recording with the constant bias of gyros subtracted, and the bias among its faults.
+    """Return a recording with the constant bias of the gyros subtracted, and that bias added to its faults.
 
     Args:
         vehicle: The vehicle.
@@ -188,9 +190,10 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """Return a recording whose arrays hold pseudo-observations in channels with heavy tails of noise.
+    """Return a recording whose arrays hold pseudo-observations in channels with heavy-tailed noise.
 
-    The raw table stays as it is.
+    A pseudo-observation has Gaussian noise with as much information as the sample.  The raw table stays as it
+    is.
 
     Args:
         vehicle: The vehicle.
@@ -205,9 +208,10 @@ def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
-    """Return the table with short runs of faulty readings interpolated, and rows with long runs dropped.
+    """Return a copy of a raw table without faulty readings.
 
-    In a table with nulls, faulty readings become null instead.
+    Short runs of faulty readings are interpolated, and rows with long runs are dropped.  In a table with
+    nulls, faulty readings become null instead.
 
     Args:
         raw: Raw table of N rows.
@@ -256,7 +260,7 @@ def _implausible(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, found: 
 
 
 def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[Fault]:
-    """Yield a description of each kind of faulty reading: columns, number, and place of the first one.
+    """Yield one `Fault` for each kind of faulty reading: columns, and a sentence that describes it.
 
     Args:
         raw: Raw table.

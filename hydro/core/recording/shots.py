@@ -70,7 +70,7 @@ class Shots:
 
     @property
     def session(self) -> Rows:
-        """Number of the session that holds each shot, (S,)."""
+        """Number of the session in which each shot lies, (S,)."""
         found: Rows = self.record.session[self.segment]
         return found
 
@@ -81,18 +81,22 @@ class Shots:
 
     @property
     def residuals(self) -> int:
-        """Number of compared values of a shot with samples of all channels in every row."""
+        """Number of compared values of one shot, 12 in each compared row, whether samples or not."""
         return (self.length - self.lead) * CHANNELS
 
     @property
     def trust(self) -> Array:
-        """Prior standard deviation of the initial state, (12,) or (S, 12); larger where samples lack."""
+        """Prior standard deviation of the initial states, (12,) or (S, 12).
+
+        It is of position [m], small rotation [rad], velocity [m/s] and rates [rad/s], and larger for channels
+        without samples.
+        """
         if self.seen is None:
             return TRUST
         return np.asarray(TRUST * np.where(self.seen.any(axis=1), 1.0, UNSEEN_TRUST))
 
     def weights(self, part: slice) -> NDArray[np.bool_] | None:
-        """Return a mask of the samples among the compared values of some shots.
+        """Return a mask of the values that are samples, among the compared values of a slice of the shots.
 
         Args:
             part: Slice of the shots, s of them.
@@ -104,9 +108,10 @@ class Shots:
 
     @cached_property
     def hidden(self) -> Array | None:
-        """Matrix B of each shot that whitens its residuals in waves, (S, residuals, Q).
+        """Matrix B of each shot that whitens its residuals in waves, (S, residuals, Q); None for a calm sea.
 
-        It satisfies 1 - B B^T = (1 + X X^T)^(-1/2), with X the `swell` in standard deviations of the noise.
+        1 - B B^T equals (1 + X X^T)^(-1/2), the inverse root of the residuals' covariance, with X the `swell`
+        in standard deviations of the noise.
         """
         if self.swell is None:
             return None
@@ -123,8 +128,12 @@ class Shots:
         """Return columns of a least-squares problem, whitened for the covariance that waves cause.
 
         Args:
-            columns: C columns for the s shots in `part`, (s, residuals, C).
+            columns: C columns for the s shots in `part`, (s, residuals, C); returned themselves for a calm
+                sea.
             part: Slice of the shots.
+
+        Returns:
+            Whitened columns, (s, residuals, C).
         """
         if self.hidden is None:
             return columns
@@ -132,17 +141,17 @@ class Shots:
         return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))
 
     def of(self, kept: NDArray[np.bool_]) -> Shots:
-        """Return a new set of the shots that the mask `kept`, (S,), selects."""
+        """Return a new set with those of the shots for which the mask `kept`, (S,), is true."""
         there = tuple(name for name in ("seen", "swell", "anchor") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
     def anchored(self) -> Shots:
-        """Return a copy of the shots with `anchor` set: their logged initial states count as samples.
+        """Return a copy of the shots whose logged initial states count as samples (`anchor`).
 
         The standard deviation is that of `sigma`, or the error of the smoothed motion if larger.  The weight
-        0 for a channel without samples in the shot.  It is 0 in the first row of a segment, where smoothing
-        one-sided and the vehicle often starts to move.
+        is 0 for a channel without samples in the shot.  It is also 0 in the first row of a segment, where
+        smoothing is one-sided and the vehicle often starts to move.
         """
         error = np.maximum(smoothing_error(self.record, self.eta, self.nu), self.sigma)
         shown = (self.starts > self.record.segments[self.segment, 0])[:, None]
@@ -154,7 +163,7 @@ class Shots:
         """Return a copy of the shots with initial states from the smoothed motion of another recording.
 
         Args:
-            record: The same recording with other values in channels without samples.
+            record: The same recording, but with other values in channels without samples.
         """
         eta, nu = smoothed(record)
         return replace(self, first=body_states(eta, nu)[self.starts], eta=eta, nu=nu)
@@ -168,15 +177,17 @@ def make_shots(
     sigma: Array | None = None,
     most: int | None = None,
 ) -> Shots:
-    """Return contiguous shots, short stretches of a recording; of a long recording some, evenly spread.
+    """Return a recording cut into contiguous shots (short predictions).
 
-    After a gap, shots start half a second later if possible, since the thrust before is unknown.
+    Keep some, evenly spread, if `most` limits them. After a gap, shots start half a second later if possible,
+    since the thrust before is unknown.
 
     Args:
         record: The recording.
         seconds: Compared length of each shot [s].
         lead: Time predicted before the compared part [s]; at least the largest sensor delay that is tried.
-        sigma: Noise of the twelve channels; by default estimated from the recording.
+        sigma: Standard deviation of the noise of the twelve channels, (12,); by default estimated from the
+            recording.
         most: Maximum number of shots; by default all.
 
     Raises:
@@ -208,12 +219,12 @@ def make_shots(
 
 
 def smoothing_error(record: Recording, eta: Array, nu: Array) -> Array:
-    """Return the root mean square distance of the samples from the smoothed motion, (12,).
+    """Return the root mean square distance of the samples from the smoothed motion, by channel, (12,).
 
-    It is an upper estimate of the error of a smoothed state.  It contains the noise of a whole sample, of
-    which smoothing removes most, and the error of the smoothing where forces change fast.  A slow sensor's
-    channel is filled between its samples, so there the distance of a sample from the line through its two
-    neighbours counts if it is larger.
+    The distance is an upper estimate of the error of a smoothed state.  It contains the noise of a whole
+    sample, of which smoothing removes most, and the error of the smoothing where forces change fast.  A slow
+    sensor's channel is filled between its samples; there, the distance of a sample from the line through its
+    two neighbours counts if it is larger.
 
     Args:
         record: The recording.
@@ -272,7 +283,10 @@ def _laid(record: Recording, seconds: float, lead: float) -> tuple[int, int, lis
 
 
 def kept_evenly(count: int, most: int | None) -> Mask:
-    """Return a mask of at most `most` of `count` shots, evenly spread, (count,); all if `most` is None."""
+    """Return a mask, (count,), that keeps at most `most` of `count` shots, evenly spread.
+
+    All if `most` is None.
+    """
     kept = np.zeros(count, np.bool_)
     kept[evenly(count, most)] = True
     return kept

@@ -43,10 +43,12 @@ NEGLIGIBLE_WEIGHT = 1e-3  # share of the largest weight below which a weight is 
 class Design:
     """Settings of the Kalman filter for one vehicle's velocity measurements.
 
+    The filter assumes white jerk of spectral density q and white noise of variance R.
+
     Attributes:
         dt: Sample time [s].
-        ratio: Ratio q dt^3 / R of each axis, shape (6,), dimensionless: spectral density q of the jerk
-            against the variance R of a measurement.  A large ratio means little smoothing.
+        ratio: Ratio q dt^3 / R of each axis, shape (6,), dimensionless.  A large ratio means little
+            smoothing.
         noise: Standard deviation sqrt(R) of a measurement on each axis, shape (6,) [m/s, rad/s].  The gains
             do not depend on it.
     """
@@ -60,7 +62,7 @@ class Design:
         return dataclasses.replace(self, dt=dt, ratio=tuple(r * (dt / self.dt) ** 3 for r in self.ratio))
 
     def following(self, times: float) -> Design:
-        """Return a copy of the design with the jerk density multiplied by `times`, so that it smooths less.
+        """Return a copy of the design with the jerk density q multiplied by `times`, so that it smooths less.
 
         The noise stays the same.  The ratio q dt^3 / R is raised at most to the largest of RATIOS.
         """
@@ -74,7 +76,9 @@ class Design:
 
 
 class Gains(NamedTuple):
-    """Gains of filter and smoother by row since the start of a segment; the last row holds afterwards.
+    """Gains of filter and smoother in each of n rows since the start of a segment.
+
+    Later rows use the last ones.
 
     Attributes:
         forward: Gains of (nu, nu_dot) from the innovation, (n, 6, 2); the second in 1/s.
@@ -141,10 +145,10 @@ def _step(state: Array, z: float, gain: Array, dt: float) -> float:
 
 @kernel
 def filter_axis(row: int, state: Array, z: float, gain: Array, dt: float) -> None:
-    """Advance the filter of one axis by one sample; the first sample initialises the filter.
+    """Advance the Kalman filter of one axis by one sample; the first sample initialises the filter.
 
     Args:
-        row: Samples since the start of the segment.
+        row: Samples since the start of the segment; 0 for the first.
         state: (nu, nu_dot) of the axis, changed in place, (2,).
         z: Measured velocity [m/s or rad/s].
         gain: Gains of (nu, nu_dot) from the innovation at this row, (2,).
@@ -158,11 +162,11 @@ def filter_axis(row: int, state: Array, z: float, gain: Array, dt: float) -> Non
 
 @kernel
 def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> None:
-    """Advance the six filters in place by one sample; the first sample initialises them.
+    """Advance the Kalman filters of all six axes by one sample; the first sample initialises the filters.
 
     Args:
-        row: Samples since the start of the segment.
-        state: nu and nu_dot of each axis, shape (6, 2) [m/s, rad/s; m/s^2, rad/s^2].
+        row: Samples since the start of the segment; 0 for the first.
+        state: nu and nu_dot of each axis, changed in place, shape (6, 2) [m/s, rad/s; m/s^2, rad/s^2].
         z: Measured velocity, shape (6,) [m/s, rad/s].
         forward: Gains by row since the start, shape (n, 6, 2) [-, 1/s]; see `Gains`.
         dt: Time since the last sample [s].
@@ -213,9 +217,10 @@ def smooth(
     Args:
         velocity: Measured nu of CO in body axes, shape (N, 6) [m/s, rad/s].
         bounds: Segments [start, stop), shape (S, 2), that cover all rows; the filter restarts in each.
-        design: The filter.
-        method: `rts`: two-sided, without delay.  `kalman`: nu and nu_dot of the filter, from past rows alone.
-            `kalman-difference`: nu of the filter and its differences (Deep Hydro-Sim, IV-B).
+        design: Settings of the filter.
+        method: `rts`: two-sided smoother (Rauch, Tung, Striebel), without delay.  `kalman`: nu and nu_dot of
+            the filter, from past rows alone.  `kalman-difference`: nu of the filter, and its differences from
+            row to row as nu_dot (Deep Hydro-Sim, IV-B).
         designed: `gains(design)`, if available.
 
     Returns:
@@ -244,9 +249,9 @@ def smooth(
 
 
 def reach(design: Design) -> int:
-    """Return the number of rows on either side on which the smoothed (nu, nu_dot) of a row depend.
+    """Return how many rows before and after a row influence its smoothed (nu, nu_dot).
 
-    A row further away has less than 1e-3 of the largest weight.
+    The weight of any row further away is less than 1e-3 of the largest weight.
 
     Args:
         design: Settings of the smoother.
@@ -257,7 +262,11 @@ def reach(design: Design) -> int:
 
 
 def acceleration_noise(design: Design) -> Array:
-    """Return the standard deviation of smoothed nu_dot from measurement noise, (6,) [m/s^2, rad/s^2]."""
+    """Return the standard deviation of smoothed nu_dot that measurement noise causes, (6,) [m/s^2, rad/s^2].
+
+    Args:
+        design: Settings of the smoother, with the noise.
+    """
     left: Array = np.asarray(design.noise) * np.sqrt((_weights(design)[:, :, 1] ** 2).sum(axis=0))
     return left
 
@@ -272,18 +281,20 @@ def _weights(design: Design) -> Array:
 def estimate(
     velocity: ArrayLike, bounds: ArrayLike, dt: float, noise: Sequence[float] | None = None
 ) -> Design:
-    """Return a design with the maximum-likelihood ratio of each axis, and the noise unless given.
+    """Return settings of the smoother with the maximum-likelihood ratio q dt^3 / R of each axis.
 
-    For the right ratio, innovations e_k are white with variance R s_k, where s_k follows from the ratio.  For
-    each ratio of a grid, R is the mean of e_k^2 / s_k (or given); the ratio with the highest likelihood is
-    used.  Up to 64 windows of 256 rows, evenly spread over the log, are used.  For data without noise the
-    likelihood rises to the upper end of the grid: the data are interpolated without smoothing.
+    q is the spectral density of the jerk, R the variance of a measurement.  For the right ratio, innovations
+    e_k are white with variance R s_k, where s_k follows from the ratio.  For each ratio of a grid, R is the
+    mean of e_k^2 / s_k (or given); the ratio with the highest likelihood is used.  Up to 64 windows of 256
+    rows, evenly spread over the log, are used.  For data without noise the likelihood rises to the upper end
+    of the grid: the data are interpolated without smoothing.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].
         bounds: Segments [start, stop), shape (S, 2).
         dt: Sample time [s].
-        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 means no noise.
+        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 means no noise, None
+            that the noise is estimated.
 
     Raises:
         DataError: `noise` is not six finite numbers of at least 0, or no segment has eight rows.
@@ -292,7 +303,9 @@ def estimate(
 
 
 def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[float] | None = None) -> Design:
-    """Return a design estimated from given windows of a log, so that only their rows need to be read.
+    """Return maximum-likelihood settings of the smoother from given windows of a log, as `estimate` does.
+
+    Only the rows of the windows are read.
 
     Args:
         velocity: Measured nu, shape (N, 6) [m/s, rad/s].

@@ -17,11 +17,12 @@ from hydro.core.vehicle.thrusters import curve_power, nominal_voltage, table_of,
 
 
 def recorded_commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """Return the effective commands of a raw or commands table.
+    """Return the effective commands of a table: logged commands, converted to those of a simple thrust curve.
 
     Args:
         vehicle: Vehicle with n thrusters.
-        raw: Table with N rows, with the columns cmd_1 ... cmd_n in [-1, 1] and possibly `voltage` [V].
+        raw: Raw table or table of commands: N rows with `cmd_1 ... cmd_n` in [-1, 1] and possibly `voltage`
+            [V].
 
     Returns:
         Shape (N, n).  The effective command of a thruster with a thrust table gives the table's thrust at the
@@ -36,10 +37,10 @@ def recorded_commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
 
 
 def supply_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> Array | None:
-    """Return the supply voltage of each row [V].
+    """Return the supply voltage of each row [V], filled where a row has no reading.
 
-    A row without a reading has the last one of the session; rows before the first reading have the first.  A
-    session without readings has the nominal voltage.
+    A row without a reading has the last reading of the session; rows before the first reading have the first.
+    A session without readings has the nominal voltage.
 
     Args:
         vehicle: Vehicle file.
@@ -82,15 +83,15 @@ def unknown_voltage(vehicle: Vehicle, raw: pl.DataFrame) -> str:
 
 
 def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | None = None) -> Array:
-    """Return the effective commands of logged commands.
+    """Return the effective commands of logged commands: those that give the same thrust by a simple curve.
 
     Args:
-        vehicle: The vehicle.
-        commands: (N, n), as logged.
+        vehicle: The vehicle, with n thrusters.
+        commands: Commands as logged, (N, n), in [-1, 1].
         voltage: Supply voltage of each row [V], (N,), or one for all; by default the nominal one.
 
     Returns:
-        (N, n); `commands` itself if no curve is a table.
+        (N, n); `commands` itself if no thrust curve is a table.
 
     Raises:
         DataError: A curve is not a valid table, or has several voltages without a nominal one.
@@ -113,12 +114,12 @@ def effective_commands(vehicle: Vehicle, commands: Array, voltage: ArrayLike | N
 def given_commands(vehicle: Vehicle, effective: Array) -> Array:
     """Return the commands (N, n) in [-1, 1] that have given effective commands at the nominal voltage.
 
-    It is the inverse of `effective_commands`: an effective command gives a thrust by a simple curve, linear
-    quadratic, that the command gives by the thruster's table.
+    This inverts `effective_commands`: an effective command gives by a simple curve, linear or quadratic, the
+    thrust that the command gives by the thruster's table.
 
     Args:
         vehicle: Vehicle with n thrusters.
-        effective: Effective commands (N, n).
+        effective: Effective commands (N, n); returned themselves if no thrust curve is a table.
 
     Raises:
         DataError: A curve is not a valid table, or has several voltages without a nominal one.

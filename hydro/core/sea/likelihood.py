@@ -63,13 +63,13 @@ class Coefficients:
 
     Attributes:
         omega: Frequencies of the coefficients [rad/s], (F,).
-        y: Complex coefficients of the north, east and down velocity, (F, 3).  Their expected square is 1
-            where the one-sided spectrum is 1.
+        y: Complex coefficients of the north, east and down velocity, (F, 3), scaled so that their expected
+            square is 1 where the one-sided spectrum is 1.
         fine: Frequencies on the finer grid [rad/s], (G,).
         response: Expected square of each coefficient for a unit of the elevation spectrum at each fine
-            frequency, sparse (F, G).  It contains the taper, the decay with depth, and omega^2 from elevation
-            to velocity.
-        longest: Duration of the longest segment [s].
+            frequency, sparse (F, G).  It contains the taper, the decay with depth, and the factor omega^2
+            from elevation to velocity.
+        longest: Duration of the longest segment of the recording [s].
         slowest: Lowest frequency [rad/s].
     """
 
@@ -87,12 +87,20 @@ class Coefficients:
 
     @cached_property
     def powers(self) -> Array:
-        """Legendre polynomials of the log frequency, the tested range scaled to [-1, 1], (F, DEGREE + 1)."""
+        """Legendre polynomials of degree 0 to DEGREE at each coefficient's log frequency, (F, DEGREE + 1).
+
+        The tested range of log frequencies is scaled to [-1, 1].
+        """
         low, high = math.log(self.slowest), math.log(FASTEST * 2.0 * math.pi / PERIODS[0])
         return np.asarray(legvander((2.0 * np.log(self.omega) - low - high) / (high - low), DEGREE))
 
     def within(self, low: float, high: float) -> Coefficients:
-        """Return the coefficients with frequencies from `low` to `high` [rad/s]."""
+        """Return a copy with only the coefficients whose frequencies are within limits.
+
+        Args:
+            low: Lowest frequency [rad/s].
+            high: Highest frequency [rad/s].
+        """
         kept = (self.omega >= low) & (self.omega <= high)
         return replace(self, omega=self.omega[kept], y=self.y[kept], response=self.response[kept])
 
@@ -170,18 +178,19 @@ def unlikely(
 ) -> tuple[float, Array]:
     """Return the negative log posterior of a spectral model, up to a constant, and its gradient.
 
-    The model is the continua alone, continua and a sea, or continua and a band of independent axes.
+    The model has three continua, smooth spectra of north, east and down velocity.  It may also have a sea, or
+    else a band: a peak without the orbital phase between the axes.
 
     Args:
         seen: Fourier coefficients of the recording.
         floor: Polynomial coefficients of the three log continua, (3 (DEGREE + 1),).
         sea: Log height, log peak frequency, direction [rad] and log of the peak enhancement, (4,); None for
             no sea.
-        apart: Band of independent axes: log height of each axis, log peak frequency, log of the peak
-            enhancement, (5,); None for no band.
+        apart: Band: log height of each axis, log peak frequency, log of the peak enhancement, (5,); None for
+            no band.
 
     Returns:
-        The value, and its derivatives by `floor` and then by `sea` or `apart`.
+        The value, and a vector of its derivatives by `floor` and then by `sea` or `apart`.
     """
     f, growth = _continuum(seen, floor)
     if apart is not None:
@@ -272,11 +281,14 @@ def _velocity_spectrum(seen: Coefficients, height: float, top: float, raised: fl
 
 
 def spectra(seen: Coefficients, at: Array) -> Array:
-    """Return the expected spectral matrix of waves and continua at each of F frequencies, (F, 3, 3).
+    """Return the expected spectral matrix of the water's velocity at each of F frequencies, (F, 3, 3).
+
+    It is the sum of waves and continua; rows and columns are the north, east and down velocity.
 
     Args:
         seen: Fourier coefficients of the recording.
-        at: Parameters of the continua and of the sea, in the order of this module.
+        at: Parameters, (3 (DEGREE + 1) + 4,): polynomial coefficients of the three log continua, then log
+            height, log peak frequency, direction and log of the peak enhancement of the sea.
     """
     floor, sea = at[:-4], at[-4:]
     d = _orbit(sea[2])

@@ -74,14 +74,14 @@ EIGENVALUE_FLOOR = 1e-12
 
 @dataclass(frozen=True)
 class SeaState:
-    """Sea that a recording shows.
+    """Sea (one system of waves) that a recording shows.
 
     Attributes:
         values: Significant height [m], peak period [s], direction of travel [rad] and peak enhancement minus
             1, (4,).
         spread: Covariance of the values, (4, 4).
-        telling: Twice the log likelihood ratio of the sea to the continuum alone.
-        orbital: Twice the log likelihood ratio of the sea to a band of independent axes.
+        telling: Twice the log likelihood ratio of the sea to a smooth spectrum (continuum) alone.
+        orbital: Twice the log likelihood ratio of the sea to a spectral peak with independent axes.
         speed: Root mean square velocity of the water at the recording's median depth [m/s].
     """
 
@@ -93,7 +93,7 @@ class SeaState:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the effect `ocean_waves` by parameter, rounded to 0.01 times their standard errors."""
+        """Values of effect `ocean_waves` by parameter name, rounded to 0.01 of their standard errors."""
         digits = 2 - np.floor(np.log10(np.sqrt(np.diag(self.spread)) + 1e-12)).astype(int)
         names = (one.name for one in WAVES.parameters)
         each = zip(names, self.values.tolist(), digits.tolist(), strict=True)
@@ -101,12 +101,12 @@ class SeaState:
 
     @property
     def table(self) -> dict[str, Any]:
-        """The sea as an `[[effect]]` table of a vehicle file."""
+        """The sea as a dict, as in an `[[effect]]` table of a vehicle file."""
         return {"name": WAVES.name, **self.parameters}
 
     @property
     def p_value(self) -> float:
-        """p-value of the sea if there is only a continuum, corrected for the number of initial periods."""
+        """p-value of the sea if there is a smooth spectrum only, corrected for the number of trials."""
         return float(min(STARTS * scipy.special.chdtrc(len(self.values), max(self.telling, 0.0)), 1.0))
 
     @property
@@ -152,8 +152,8 @@ def sea_state(water: Array, record: Recording, gravity: float) -> SeaState | Non
         gravity: Acceleration of gravity [m/s^2].
 
     Returns:
-        The sea.  None if the recording is too short, no sea is more likely than a continuum, the fit finds a
-        drift, or the height is not significant.
+        The sea.  None if the recording is too short, no sea is more likely than a smooth spectrum, the fit
+        finds a drift, or the height is not significant.
     """
     seen = coefficients(water, record, gravity)
     if seen is None:

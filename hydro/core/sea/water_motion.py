@@ -70,9 +70,9 @@ def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
 
 
 def carried(model: Candidate) -> Array:
-    """Return the wrench on the vehicle about CO per acceleration of the water along each body axis.
+    """Return the wrench on the vehicle per acceleration of the water along each body axis, (6, 3) [kg, kg m].
 
-    It has shape (6, 3), with rows X to N [kg, kg m] and columns for the accelerations along x, y, z.
+    The rows are the wrench X Y Z K M N about CO; the columns are accelerations along x, y, z.
     """
     c = constants_of(model.program.flat)
     x, y, z = c[CENTER_OF_BUOYANCY : CENTER_OF_BUOYANCY + 3]

@@ -77,12 +77,12 @@ def spread(
 
     Args:
         vehicle: The vehicle.
-        estimates: Its estimated numbers.
+        estimates: Its estimated numbers, with their covariance.
         predicted: Function from a vehicle to its pose and velocity at N times, (N, 12) [m, rad, m/s, rad/s];
             gives NaN or raises a DataError if the motion diverges.
         draws: Number of vehicles to draw.
         seed: Seed of the draws.
-        progress: Called with a few words and the share of the work done.
+        progress: Called with a few words and the fraction of the work done.
 
     Raises:
         DataError: Most draws diverge.
@@ -105,7 +105,7 @@ def spread(
 
 
 def table(rows: pl.DataFrame, middle: Array, low: Array, high: Array) -> pl.DataFrame:
-    """Return the bands table: `session`, `t`, the motion, and the limits `x_low`, `x_high` ... `r_high`.
+    """Return the bands table: `session`, `t`, the motion, and limits `x_low`, `x_high` ... `r_high`.
 
     Args:
         rows: Columns `session` and `t` of N rows.

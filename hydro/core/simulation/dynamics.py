@@ -54,7 +54,7 @@ NO_HULL: Array = np.zeros((8, 0))
 
 
 class Motion(NamedTuple):
-    """State of a moving vehicle.
+    """State and workspace of a moving vehicle, changed by the kernels in place.
 
     Attributes:
         flat: Compiled vehicle (`effects.program`).
@@ -86,7 +86,9 @@ def afloat(flat: Array, facets: Array) -> Motion:
 
 @kernel
 def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array) -> None:
-    """Write the state of motion `s` from pose and velocity, at the time that `s` contains.
+    """Write to `s` the quantities of motion that the effects read, computed from pose and velocity.
+
+    The time in `s` is kept, for the current.
 
     Args:
         flat: Compiled vehicle (`effects.program`), for the current.
@@ -105,7 +107,7 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 @kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
-    """Write the state of motion to `s` from an integrated state.
+    """Write to `s` the quantities of motion that the effects read, computed from an integrated state.
 
     Args:
         flat: Compiled vehicle (`effects.program`), for the current.
@@ -128,7 +130,7 @@ def settle(motion: Motion) -> None:
 
 @kernel
 def thrust_of(row: Array, rotor: float, s: Array) -> float:
-    """Return the thrust of a thruster [N].
+    """Return the thrust of one thruster [N], with losses by the water's inflow.
 
     Args:
         row: Row of the thruster table.
@@ -141,13 +143,13 @@ def thrust_of(row: Array, rotor: float, s: Array) -> float:
 
 @kernel
 def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
-    """Add the wrench of the thrusters, tau_prop = B f, about CO to `tau` (6,) [N, N m].
+    """Add to `tau` the wrench of all thrusters about CO, B f with the configuration matrix B and thrusts f.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
         s: State of motion, for the inflow speed.
         rotors: Lag states of the n thrusters, (n,).
-        tau: Wrench in body axes, (6,), added to.
+        tau: Wrench in body axes, (6,) [N, N m], added to.
     """
     begin = int(flat[THRUSTER_TABLE])
     # six variables, since elements of an array would be stored and loaded again for every thruster
@@ -162,7 +164,7 @@ def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
 
 @kernel
 def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: Array) -> None:
-    """Write the acceleration of CO over ground in the body frame, from thrust, restoring forces and effects.
+    """Write to `nu_dot` the acceleration of CO over ground, from thrust, restoring forces and effects.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
@@ -170,8 +172,8 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
         x: Internal states of the effects.
         dx: Output: rates of the internal states.
         tau: The thrusters' wrench about CO [N, N m] on entry; overwritten by the total wrench that
-            accelerates M.
-        nu_dot: Output: (6,) [m/s^2, rad/s^2].
+            accelerates the mass, added mass included.
+        nu_dot: Output: acceleration in body axes, (6,) [m/s^2, rad/s^2].
     """
     c, nu_r = flat[HEADER : HEADER + CONSTANTS], s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
     restoring_kernel(c[BALANCE : BALANCE + 4], s[ROTATION + 6 : ROTATION + 9], tau)
@@ -190,7 +192,7 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
 
 @separate
 def respond(flat: Array, s: Array, rotors: Array, x: Array, dx: Array, tau: Array, nu_dot: Array) -> None:
-    """Write the acceleration of CO over ground in the body frame, with the thrust of given rotors.
+    """Write to `nu_dot` the acceleration of CO over ground, from rotor states, restoring forces and effects.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
@@ -198,8 +200,8 @@ def respond(flat: Array, s: Array, rotors: Array, x: Array, dx: Array, tau: Arra
         rotors: Lag states of the n thrusters, (n,).
         x: Internal states of the effects.
         dx: Output: rates of the internal states.
-        tau: Output: the total wrench about CO that accelerates M, (6,) [N, N m].
-        nu_dot: Output: (6,) [m/s^2, rad/s^2].
+        tau: Output: the total wrench about CO that accelerates the mass, added mass included, (6,) [N, N m].
+        nu_dot: Output: acceleration in body axes, (6,) [m/s^2, rad/s^2].
     """
     tau[:] = 0.0
     propel(flat, s, rotors, tau)
@@ -225,12 +227,14 @@ def _turn_with_body(s: Array, nu_dot: Array) -> None:
 def rates_kernel(
     flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array
 ) -> None:
-    """Write the rates of the state: quaternion kinematics (Fossen 2011, section 2.2.2) and the dynamics.
+    """Write the time derivatives of the integrated state `y` to `rates`.
+
+    They follow from quaternion kinematics (Fossen 2011, section 2.2.2) and the equation of motion.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
         facets: Hull of the panel method, F facets, (8, F), or `NO_HULL`.
-        y: Integrated state.
+        y: Integrated state: position, unit quaternion, nu and internal states of the effects.
         s: State of motion; the time is read, the rest is overwritten.
         rotors: Lag states of the n thrusters, (n,).
         tau: Workspace, (6,).

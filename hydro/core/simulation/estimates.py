@@ -23,7 +23,7 @@ AGREES = 0.02
 
 
 class Place(Protocol):
-    """Place of a number in the effects of a vehicle file."""
+    """Address of one number in the effects of a vehicle file: effect, parameter and index."""
 
     @property
     def effect(self) -> str:
@@ -35,17 +35,17 @@ class Place(Protocol):
 
     @property
     def index(self) -> tuple[int, ...]:
-        """Index in the value of the parameter; () for a scalar."""
+        """Index in the parameter's array; () for a scalar."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated number of a vehicle file.
+    """Estimated number in the effects of a vehicle file.
 
     Attributes:
         effect: Name of the effect.
         parameter: Name of the parameter.
-        index: Index in the value of the parameter; () for a scalar.
+        index: Index in the parameter's array; () for a scalar.
         unit: Unit of the number.
         value: The number in the file.
     """
@@ -58,7 +58,7 @@ class Estimate:
 
     @property
     def name(self) -> str:
-        """Name as written: `linear_damping.diagonal[0]`."""
+        """Name of the number, such as `linear_damping.diagonal[0]`."""
         return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
 
 
@@ -81,7 +81,7 @@ class Estimates:
 
     @property
     def errors(self) -> Array:
-        """Standard errors of the values, (P,)."""
+        """Standard errors of the values, (P,), in their units."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def frame(self) -> pl.DataFrame:
@@ -106,7 +106,7 @@ class Estimates:
 
     @classmethod
     def of(cls, frame: pl.DataFrame) -> Estimates:
-        """Return the estimates that a covariance table, the result of `frame`, contains."""
+        """Return the estimates that a covariance table contains; the inverse of the method `frame`."""
         entries = tuple(
             Estimate(row["effect"], row["parameter"], tuple(row["index"]), row["unit"], row["value"])
             for row in frame.iter_rows(named=True)
@@ -115,14 +115,14 @@ class Estimates:
         return cls(entries, np.array(frame["correlation"].to_list(), float) * np.outer(errors, errors))
 
     def of_effects(self, names: Sequence[str]) -> Estimates:
-        """Return a new set of the estimates of the named effects, marginalised over all other effects."""
+        """Return a new set with the estimates of the named effects alone, and their covariance."""
         kept = [i for i, entry in enumerate(self.entries) if entry.effect in names]
         return Estimates(tuple(self.entries[i] for i in kept), self.covariance[np.ix_(kept, kept)])
 
     def after(self, earlier: Estimates | None) -> Estimates:
-        """Return a set of these estimates together with earlier estimates of other effects.
+        """Return these estimates together with earlier estimates of other effects, as one new set.
 
-        An effect in both has its values here.  The two groups are assumed to be independent.
+        For an effect in both sets, these estimates count.  The two sets are assumed to be independent.
 
         Args:
             earlier: Earlier estimates, which come first in the result; None for none.
@@ -137,7 +137,7 @@ class Estimates:
         return Estimates((*kept.entries, *self.entries), both)
 
     def disagreement(self, vehicle: Vehicle) -> str:
-        """Return words for the first number of a file that differs from these estimates; empty if none.
+        """Return a clause on the first number of a file that differs from its estimate; empty if none does.
 
         Args:
             vehicle: Vehicle file.
@@ -150,11 +150,11 @@ class Estimates:
         return ""
 
     def drawn(self, vehicle: Vehicle, draws: int, seed: int) -> Iterator[Vehicle]:
-        """Yield vehicles whose numbers are drawn from the covariance of these estimates.
+        """Yield copies of a vehicle whose numbers are drawn at random from the covariance of these estimates.
 
         Args:
             vehicle: The vehicle of the estimates; it is not changed.
-            draws: Number of vehicles.
+            draws: Number of copies.
             seed: Seed of the draws.
         """
         rng, low, high = np.random.default_rng(seed), *self._plausible(vehicle)
@@ -191,13 +191,13 @@ def number(vehicle: Vehicle, place: Place) -> float | None:
 
 
 def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Vehicle:
-    """Return a copy of a vehicle with new numbers in its effects.
+    """Return a copy of a vehicle with given numbers in its effects.
 
     In a symmetric matrix, both entries of an off-diagonal pair change.
 
     Args:
         vehicle: The vehicle.
-        places: Places of the P numbers.
+        places: Effect, parameter and index of each of P numbers.
         values: The new numbers, (P,).
     """
     tables = {place.effect: {} for place in places}  # type: dict[str, dict[str, Any]]

@@ -1,4 +1,4 @@
-"""Excitation: demanded motions of a vehicle whose recording shows its physics.
+"""Excitation: demanded wrenches that move a vehicle so that the recording shows its physics.
 
 The method is that of Deep Hydro-Sim (Wu et al., section IV-A).  A collection is a list of sessions, each of
 one kind: single-axis sine sweeps in surge, sway, heave and yaw; coupled manoeuvres (circles, corkscrews,
@@ -44,7 +44,7 @@ LEAST_ROWS = 250
 
 @dataclass(frozen=True)
 class Session:
-    """Planned session of a collection.
+    """Planned session of a collection (a simulated recording of many sessions).
 
     Attributes:
         name: Name, such as `003_walk`.
@@ -62,13 +62,13 @@ class Session:
 def plan(
     rows: int, seed: int, axes: Sequence[int] = range(6), *, excitation: str = "hybrid"
 ) -> tuple[Session, ...]:
-    """Return the planned sessions of a collection; their lengths sum to exactly `rows`.
+    """Return the planned sessions of a collection, a simulated recording; their rows sum to exactly `rows`.
 
     Args:
         rows: Total number of rows.
         seed: Seed of the order of kinds and of the lengths.
         axes: Axes that the vehicle's thrusters can actuate, 0 to 5; sweeps of all other axes are omitted.
-        excitation: Key of `DECKS`.
+        excitation: Key of `DECKS`, which lists kinds of excitation.
 
     Returns:
         Sessions of 6,000 to 29,000 rows if `rows` suffices for one of each kind; else sessions that are
@@ -125,7 +125,7 @@ def demands(session: Session, seed: int, dt: float) -> Array:
 
 
 def holds_heading(kind: str) -> bool:
-    """Return whether sessions of a kind hold their heading: single-axis sweeps except in yaw.
+    """Return whether the pilot holds the heading in sessions of a kind: in single-axis sweeps except in yaw.
 
     Args:
         kind: Kind of excitation, an entry of `DECKS`.

@@ -28,7 +28,10 @@ WITH_HELD = MOTION + 79
 
 @kernel
 def exert_held(s: Array, tau: Array) -> None:
-    """Add C_K(nu) nu - D nu - h to `tau`, with the held wrench h of a network (the module defines K and D).
+    """Add to `tau` the part of a residual network's wrench that changes within a control step.
+
+    The sum is C_K(nu) nu - D nu - h, with the velocity nu, the wrench h that the network gave at the start of
+    the step, the damping matrix D, and the Coriolis matrix C_K of the mass matrix K; both are in `s`.
 
     Args:
         s: State of motion of length WITH_HELD; nu is the present velocity.

@@ -27,7 +27,7 @@ from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
 
 
 class Thrusters(NamedTuple):
-    """State of a vehicle's n thrusters.
+    """State of a vehicle's n thrusters, changed by the kernels in place.
 
     A lag state is a thrust [N] or a normalised rotor speed, see `vehicle.thrusters`.
 
@@ -82,7 +82,9 @@ def at_rest(flat: Array) -> Thrusters:
 
 @kernel
 def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None:
-    """Prepare the thrusters to integrate from row `at` of a segment; delayed earlier commands stay pending.
+    """Set the thrusters' state for an integration that starts at row `at` of a segment.
+
+    Commands of earlier rows that are still delayed stay pending.
 
     Args:
         thrusters: State of the thrusters, changed.
@@ -127,7 +129,7 @@ def obey(thrusters: Thrusters, course: Course, now: float) -> float:
 
 @kernel
 def spin(target: Array, decay: Array, rotors: Array) -> None:
-    """Compute the lag states at the start, middle and end of a step from the end of the previous step.
+    """Compute the lag states at the start, middle and end of a step from the end of the step before.
 
     Args:
         target: Lag states of n thrusters to which the present commands lead, (n,).
@@ -143,7 +145,7 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
 
 @kernel
 def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: float) -> float:
-    """Advance the rotors from `now` to `end`, or to the time at which the next command takes effect.
+    """Advance the rotors from `now` to `end`, or only to the time at which the next command takes effect.
 
     Args:
         thrusters: State of the thrusters, changed.
@@ -179,20 +181,19 @@ def step(
     h: float,
     deviations: Deviations | None,
 ) -> None:
-    """Advance the state of a motion by one step from the time in `s`; the quaternion is normalised.
+    """Advance the integrated state `y` by one Runge-Kutta step; the quaternion is normalised.
 
-    The function takes the arrays of `Motion` one by one, since unpacking them costs up to a tenth of the
-    time.
+    The arguments are the arrays of `Motion`, since unpacking a tuple costs up to a tenth of the time.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
         facets: Hull of the panel method, F facets, (8, F).
         y: Integrated state, changed.
-        s: State of motion; its time is advanced.
+        s: State of motion; the step starts at its time, which is advanced.
         work: Workspace of `Motion`.
         rotors: Lag states of n thrusters at the start, middle and end of the step, (3, n).
         h: Step [s].
-        deviations: Small deviations to integrate too; or None.
+        deviations: Small deviations of the state to integrate too; or None.
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     now = s[TIME]
@@ -225,7 +226,7 @@ def advance(
     length: float,
     deviations: Deviations | None,
 ) -> None:
-    """Advance the state by the integration steps of one row of commands.
+    """Advance the state of the vehicle over one row of commands, in several integration steps.
 
     A step is split where a command takes effect within it.  Times closer than a billionth of a step count as
     equal.
@@ -236,7 +237,7 @@ def advance(
         course: Commands and number of steps.
         begin: Time of the row [s].
         length: Length of each step [s].
-        deviations: Small deviations to integrate too; or None.
+        deviations: Small deviations of the state to integrate too; or None.
     """
     flat, facets, y, s, work = motion
     rotors = thrusters.rotors
@@ -260,7 +261,7 @@ def march(
     pilot: Pilot | None,
     deviations: Deviations | None,
 ) -> int:
-    """Integrate a motion from row `at` of its commands.
+    """Integrate the motion of a vehicle from row `at` of its commands, and write the states to `out`.
 
     Args:
         motion: The vehicle in its initial state, changed.
@@ -269,7 +270,7 @@ def march(
         at: First row.
         out: Output: state of the body at each of K rows, (K, 13); NaN after the first row that is not finite.
         pilot: Pilot that computes the commands row by row; None if the commands are known.
-        deviations: Small deviations to integrate too and record; or None.
+        deviations: Small deviations of the state to integrate and record too; or None.
 
     Returns:
         Number of rows that stayed finite.

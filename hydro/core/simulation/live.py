@@ -43,7 +43,7 @@ class Reading(NamedTuple):
 
 
 class Live:
-    """Vehicle that moves step by step, with the dynamics of `simulate`.
+    """Vehicle that is simulated step by step, with the same dynamics as `simulate`.
 
     Attributes:
         time: Time since `reset` [s].
@@ -66,7 +66,7 @@ class Live:
         self.reset()
 
     def reset(self, eta: ArrayLike = (0.0,) * 6, nu: ArrayLike = (0.0,) * 6) -> None:
-        """Set the state at time 0, with thrusters at rest.
+        """Set pose and velocity, with time 0 and thrusters at rest.
 
         Args:
             eta: Pose x y z [m, NED], phi theta psi [rad, ZYX], (6,).

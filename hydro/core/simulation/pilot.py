@@ -1,4 +1,4 @@
-"""Pilot: commands computed row by row from the true state, from demanded wrenches and weak holds.
+"""Pilot: thruster commands computed row by row from the true state, from demanded wrenches and weak holds.
 
 A hold is a weak controller of depth, roll, pitch or heading (`vehicle.control_allocation`).
 """
@@ -16,7 +16,9 @@ from hydro.core.vehicle.control_allocation import Mixing, hold_kernel, mixing_ke
 
 
 class Pilot(NamedTuple):
-    """Demands of a pilot and the pilot's knowledge of the vehicle.
+    """Demands of a simulated pilot, and the pilot's knowledge of the vehicle.
+
+    A hold is a weak controller of depth, roll, pitch or heading.
 
     Attributes:
         gains: Gains of the holds, (4, 2), as in `vehicle.control_allocation.Mixing`.
@@ -36,11 +38,11 @@ class Pilot(NamedTuple):
 
     @classmethod
     def of(cls, crew: Mixing, demand: Array, depth: float, heading: float | None) -> Pilot:
-        """Return the pilot of a session.
+        """Return the pilot of a session with given demands.
 
         Args:
             crew: Conversion of demanded wrenches to commands, with the gains of the holds.
-            demand: Demands in each row, as shares of each axis's authority, (N, 6).
+            demand: Demanded wrench in each row, as fractions of the maximum wrench on each axis, (N, 6).
             depth: Depth to hold [m].
             heading: Heading to hold [rad]; None for none.
         """

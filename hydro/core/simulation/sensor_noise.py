@@ -52,12 +52,12 @@ PROFILES = {
 
 
 def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:
-    """Return a logged motion with noise added.
+    """Return a copy of a logged motion with random noise added.
 
     Args:
         motion: x y z [m], phi theta psi [rad], u v w [m/s], p q r [rad/s] in N rows, (N, 12).
         noise: Standard deviations.
-        rng: Source of the noise.
+        rng: Generator of the random numbers.
 
     Returns:
         (N, 12); phi and psi wrapped to (-pi, pi], theta clipped to [-pi/2, pi/2].

@@ -33,8 +33,8 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
         righting: Righting stiffness in roll and pitch, (2,) [N m/rad].
 
     Returns:
-        (6,) [N, N m], infinite without a limit.  In translation and yaw it is the drag at the maximum speed,
-        in roll and pitch the righting moment at MOST_TILT.
+        (6,) [N, N m], infinite without a limit.  In translation and yaw it is the drag at the highest speed
+        at which the vehicle stays upright, in roll and pitch the righting moment at the tilt MOST_TILT.
     """
     limits = np.full(6, np.inf)
     for axis in range(3):
@@ -70,8 +70,8 @@ def _upright_speed(program: Program, facets: Array, righting: Array, axis: int) 
 def fluid_wrench(program: Program, facets: Array, nu_r: Array) -> Array:
     """Return the wrench of the water on a level vehicle in steady motion, about CO, (6,) [N, N m].
 
-    It contains the drag of the panels, the effects of the program and -C_A(nu_r) nu_r, minus their values at
-    rest.
+    It contains the drag of the panels, the effects of the program and -C_A(nu_r) nu_r (Coriolis force of the
+    added mass), minus their values at rest.
 
     Args:
         program: The compiled vehicle.

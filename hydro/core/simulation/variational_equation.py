@@ -51,7 +51,7 @@ FORCES, THRUST, WHOLE = 0, 1, 2
 
 
 class Changes(NamedTuple):
-    """Changes of a vehicle by P parameters.
+    """Changes of a compiled vehicle by P parameters, for the derivatives of its motion.
 
     Attributes:
         kinds: Kind of each parameter, (P,): FORCES, THRUST or WHOLE.
@@ -76,19 +76,19 @@ NO_CHANGES = Changes(
 
 
 class Deviations(NamedTuple):
-    """Small deviations under integration, per unit of the initial state and of each of P parameters.
+    """Derivatives of a motion's state by its initial state and by P parameters, integrated with the motion.
 
     Attributes:
         changes: The parameters.
-        delta: The deviations, (12 + states, 12 + P): a column for each initial value and each parameter.
+        delta: The derivatives, (12 + states, 12 + P): a column for each initial value and each parameter.
         own: Internal states of added effects, now and in the middle of a step, and their rates, (3, all).
-        middle: Workspace for deviations within a step, (2, 12 + states, 12 + P).
-        slope: Workspace for J, (12 + states, 12 + states).
-        push: Workspace for df/dp without its rows of the pose, (6 + states, P).
+        middle: Workspace for derivatives within a step, (2, 12 + states, 12 + P).
+        slope: Workspace for the derivative J of the rates by the state, (12 + states, 12 + states).
+        push: Workspace for the derivative of the rates by the parameters, without the pose, (6 + states, P).
         changed: Workspace for the rates of a changed state, (13 + states,).
         gone: Workspace for the wrench of removed effects, (6,).
-        out: Output: deviations at each of K rows, without internal states, (K, 12, 12 + P).
-        carried: Whether the deviations are integrated.
+        out: Output: derivatives in each of K rows, without internal states, (K, 12, 12 + P).
+        carried: Whether the derivatives are integrated.
     """
 
     changes: Changes
@@ -129,14 +129,14 @@ class Middle(NamedTuple):
 
 @jit
 def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carried: bool) -> Deviations:
-    """Return the deviations at the start of a motion, with their workspace.
+    """Return the derivatives of a state at the start of a motion, with their workspace.
 
     Args:
         changes: The P parameters.
         ahead: Initial change of the internal states per unit of each parameter, (states, P).
         own: Initial internal states of the added effects, (all,).
-        out: Output for the deviations at K rows, (K, 12, 12 + P).
-        carried: Whether the deviations are integrated.
+        out: Output for the derivatives in K rows, (K, 12, 12 + P).
+        carried: Whether the derivatives are integrated.
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
@@ -156,10 +156,11 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carrie
 
 @separate
 def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
-    """Advance deviations by a step h [s] by the midpoint rule, with J and df/dp at its middle.
+    """Advance the derivatives of a state by a step, by the midpoint rule.
 
-    The function takes the arrays of a motion (`dynamics.Motion`, without facets) one by one, in the state in
-    which `integrate.step` has them at the middle of a step.
+    The matrices of the variational equation, derivatives of the rates by state and by parameters, are taken
+    at the middle of the step.  The arguments are the arrays of a motion (`dynamics.Motion`, without facets),
+    in the state in which `integrate.step` has them at the middle of a step.
 
     Args:
         flat: Compiled vehicle (`effects.program`).
@@ -167,7 +168,7 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
         work: Workspace of `Motion`: row 2 is the integrated state at the middle, row 0 its rates.
         rotors: Lag states of the n thrusters at the middle, (n,).
         h: Step [s].
-        deviations: The deviations, changed.
+        deviations: The derivatives, changed.
     """
     delta, middle, slope, push = deviations.delta, deviations.middle, deviations.slope, deviations.push
     here = Middle(flat, s, rotors, work[2], work[0], work[3, :6], work[3, 6:12], deviations.changed)

@@ -63,7 +63,7 @@ class Law:
 
 
 def law(entry: Entry, constants: Array) -> Law | None:
-    """Return an effect as a polynomial of velocity plus a vertical force, or None.
+    """Return an effect as a polynomial of velocity plus a constant vertical force, if it has that form.
 
     Args:
         entry: Effect with its parameters.

@@ -15,10 +15,15 @@ Volts = Annotated[float, msgspec.Meta(gt=0)]
 
 
 class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Thrust curve as a table: `thrust` [N] at pulse widths `pwm` [us], or at `command` in [-1, 1].
+    """Thrust curve of a vehicle file as points: `thrust` at pulse widths or at commands.
 
-    1100, 1500 and 1900 us are the commands -1, 0 and 1.  With `voltage` [V], `thrust` has a row for each
-    supply voltage.  Thrust is linear between the points and constant beyond the ends.
+    Thrust is linear between the points and constant beyond the ends.  Either `pwm` or `command` is given.
+
+    Attributes:
+        thrust: Thrust [N] at each point; with `voltage`, a row of points for each supply voltage.
+        pwm: Pulse widths [us]; 1100, 1500 and 1900 us are the commands -1, 0 and 1.
+        command: Commands in [-1, 1].
+        voltage: Supply voltages [V]; empty if thrust does not depend on the voltage.
     """
 
     thrust: tuple[float | tuple[float, ...], ...]

@@ -24,7 +24,7 @@ scatter."""
 
 @dataclass(frozen=True)
 class ThrustTable:
-    """Thrust at points of command and voltage.
+    """Thrust at points of command and supply voltage, for linear interpolation.
 
     Attributes:
         command: Commands, ascending, (K,).
@@ -38,15 +38,18 @@ class ThrustTable:
 
     @property
     def several(self) -> bool:
-        """Whether thrust depends on the voltage."""
+        """Whether thrust depends on the supply voltage."""
         return len(self.voltage) > 1
 
     def at(self, command: ArrayLike, voltage: ArrayLike) -> Array:
-        """Return the thrust [N] at commands and voltages [V], in their broadcast shape.
+        """Return the thrust [N] at commands and voltages, in the shape to which both broadcast.
 
-        Beyond the ends of the table it is constant.
+        Thrust is linear in the command between two points, linear in the voltage between two curves, and
+        constant beyond the ends of the table.
 
-        It is linear in the command between two points, and linear in the voltage between two curves.
+        Args:
+            command: Commands in [-1, 1].
+            voltage: Supply voltages [V].
         """
         u, volts = np.broadcast_arrays(np.asarray(command, float), np.asarray(voltage, float))
         curves = [np.interp(u, self.command, curve) for curve in self.thrust]
@@ -61,26 +64,36 @@ class ThrustTable:
         return found
 
     def limits(self, voltage: float) -> tuple[float, float]:
-        """Return the thrust [N] of full command ahead and astern at a voltage [V], as positive numbers.
+        """Return the thrusts [N] of full command ahead and astern at a voltage, as two positive numbers.
 
-        A thruster without thrust astern gets the value ahead, which it never uses.
+        A thruster without thrust astern gets the value ahead, which is never used.
+
+        Args:
+            voltage: Supply voltage [V].
         """
         curve = self.at(self.command, voltage)
         ahead, astern = float(curve.max()), float(-curve.min())
         return ahead, astern if astern > 0.0 else ahead
 
     def most(self, voltage: float) -> float:
-        """Return the largest ratio of a thrust of the table to that of full command at a voltage [V].
+        """Return the largest ratio of a thrust in the table to the thrust of full command at a voltage.
 
         Ahead and astern count, over all voltages of the table; the ratio is at least 1.
+
+        Args:
+            voltage: Supply voltage [V].
         """
         ahead, astern = self.limits(voltage)
         return max(float(self.thrust.max()) / ahead, float(-self.thrust.min()) / astern, 1.0)
 
     def command_for(self, thrust: ArrayLike, voltage: float) -> Array:
-        """Return the command closest to rest for a thrust [N] at a voltage [V]; full command if unreachable.
+        """Return the commands closest to rest that give thrusts at a voltage, in the shape of the thrusts.
 
-        Zero thrust is the command 0.
+        A thrust that cannot be reached gives full command, zero thrust the command 0.
+
+        Args:
+            thrust: Thrusts [N].
+            voltage: Supply voltage [V].
         """
         wanted = np.asarray(thrust, float)
         curve = self.at(self.command, voltage)
@@ -94,7 +107,7 @@ class ThrustTable:
 def thrust_table(
     command: Sequence[float], thrust: Sequence[float | Sequence[float]], voltage: Sequence[float] = ()
 ) -> ThrustTable:
-    """Return a thrust table from the numbers of a vehicle file, checked.
+    """Return a thrust table made from the numbers of a vehicle file, after checks.
 
     Args:
         command: K commands in [-1, 1], ascending.

@@ -45,8 +45,9 @@ class Mixing:
 
     Attributes:
         authority: Maximum wrench on each axis alone (6,) [N, N m]; 0 where the thrusters cannot actuate it.
-        allocation: Pseudo-inverse (n, 6) of the configuration matrix B of the n thrusters.
-        table: Thruster table (n, columns) of `vehicle.thrusters`.
+        allocation: Pseudo-inverse (n, 6) of the configuration matrix B of the n thrusters: the thrusts [N]
+            for a wrench.
+        table: Thruster table, one row of constants per thruster, (n, columns); see `vehicle.thrusters`.
         gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading [N/m, N s/m; N
             m/rad, N m s/rad].
         righting: Total stiffness (2,) in roll and in pitch [N m/rad], of the hold and of weight and buoyancy.
@@ -60,7 +61,7 @@ class Mixing:
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Axes that the thrusters can actuate, 0 to 5."""
+        """Indices of the axes that the thrusters can actuate, ascending, 0 (surge) to 5 (yaw)."""
         return tuple(int(axis) for axis in np.flatnonzero(self.authority))
 
 
@@ -149,11 +150,12 @@ def hold_kernel(
 
 @kernel
 def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) -> None:
-    """Write commands for a wrench: thrusts by the pseudo-inverse, inverted curve, clipped to [-1, 1].
+    """Write the thruster commands that give a demanded wrench to `commands`.
 
-    The dead band is not compensated: a demand too small for it is lost, as for a pilot.  Commands are rounded
-    to float32, the precision of the log, so that the log contains the applied values.  For a servo, the
-    allocation gives the command itself; it is zero without `with_servos`.
+    The thrusts follow from the pseudo-inverse; the thrust curve is inverted, and commands are clipped to [-1,
+    1]. The dead band is not compensated: a demand too small for it is lost, as for a pilot.  Commands are
+    rounded to float32, the precision of the log, so that the log contains the applied values.  For a fin's
+    servo, the allocation gives the command itself; it is zero without `with_servos`.
 
     Args:
         allocation: Pseudo-inverse of B for n thrusters, (n, 6), as in `Mixing`.

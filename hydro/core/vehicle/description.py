@@ -33,16 +33,24 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class Environment(_Part, frozen=True):
-    """Water and gravity: density [kg/m^3], gravity [m/s^2]."""
+    """Water and gravity of a vehicle file.
+
+    Attributes:
+        water_density: Density of the water [kg/m^3].
+        gravity: Acceleration of gravity [m/s^2].
+    """
 
     water_density: Positive = 1025.0
     gravity: Positive = 9.81
 
 
 class RigidBody(_Part, frozen=True):
-    """Dry mass [kg], centre of gravity [m] from CO and inertia matrix [kg m^2] about the centre of gravity.
+    """Dry body of a vehicle file.
 
-    `inertia` is the matrix itself: its off-diagonal entries are -int xy dm.
+    Attributes:
+        mass: Dry mass [kg].
+        center_of_gravity: Centre of gravity from CO, FRD [m].
+        inertia: Inertia matrix about the centre of gravity [kg m^2]; off-diagonal entries are -int xy dm.
     """
 
     mass: Positive
@@ -51,16 +59,26 @@ class RigidBody(_Part, frozen=True):
 
 
 class Buoyancy(_Part, frozen=True):
-    """Buoyant force [N] and the point at which it acts [m], FRD from CO."""
+    """Buoyancy of a vehicle file.
+
+    Attributes:
+        force: Buoyant force [N].
+        center: Point at which the force acts, FRD from CO [m].
+    """
 
     force: NonNegative
     center: Vector3
 
 
 class Hull(_Part, frozen=True):
-    """Sides of the hull's box [m] and its `center` [m] from CO; optionally the file of a triangulated mesh.
+    """Box around the hull in a vehicle file.
 
-    The mesh file is next to the vehicle file.
+    Attributes:
+        length: Length of the box [m].
+        width: Width of the box [m].
+        height: Height of the box [m].
+        center: Centre of the box from CO, FRD [m].
+        mesh: Name of a file with a triangulated surface of the hull, next to the vehicle file; None without.
     """
 
     length: Positive
@@ -71,26 +89,40 @@ class Hull(_Part, frozen=True):
 
 
 class Battery(_Part, frozen=True):
-    """Nominal supply `voltage` [V] of the thrusters, for recordings without a voltage."""
+    """Battery of the thrusters in a vehicle file.
+
+    Attributes:
+        voltage: Nominal supply voltage [V], used for recordings without a voltage.
+    """
 
     voltage: Positive
 
 
 class Thruster(_Part, frozen=True):
-    """Thruster: a point and direction, or instead a constant body `wrench` per newton of thrust.
+    """Thruster of a vehicle file: a point and direction, or a constant body wrench per newton of thrust.
 
-    The chain is: clip to [-1, 1] -> delay -> {dead band, curve, lag} in the order set by `lag`. `lag =
-    "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag on the
-    normalised rotor speed -> dead band -> curve.  `lag_step` [s] states that the source of the data
-    integrates the lag by explicit Euler with that step.
+    A command is clipped to [-1, 1], delayed, and passes dead band, curve and lag in the order set by `lag`.
 
-    A `curve` by name is proportional to the command or its square up to `max_thrust` and `max_reverse_thrust`
-    [N].  A table, or `"t200"` for the published table of that thruster, includes the maximum thrusts and the
-    dead band, so these keys are omitted.  With a table and a lag of the rotor speed, the speed is the root of
-    the share of full thrust.
-
-    The curve `"none"` is for a command that drives no thruster: a fin's servo, used by a `control_surface` of
-    the file.  Such a command has only a name.
+    Attributes:
+        name: Name of the thruster.
+        max_thrust: Maximum thrust ahead [N], for a curve by name.
+        max_reverse_thrust: Maximum thrust astern [N], for a curve by name.
+        position: Place from CO, FRD [m].
+        direction: Direction of positive thrust, FRD.
+        wrench: Wrench about CO per newton of thrust, instead of place and direction.
+        curve: Thrust over command: `linear`, `quadratic` (proportional to the command or its square), a
+            table, or `t200`, the published table of that thruster.  A table includes maximum thrusts and dead
+            band, so these keys are omitted.  `none` is for a command that drives the servo of a fin
+            (`control_surface`); such a command has only a name.
+        lag: First-order lag: `thrust` lags the thrust, after dead band and curve; `speed` lags the normalised
+            rotor speed, before both.  With a table, the speed is the root of the share of full thrust.
+        time_constant: Time constant of the lag [s]; 0 for none.
+        lag_step: Step with which the source of the data integrates the lag by explicit Euler [s]; None for an
+            exact lag.
+        deadband: Size of commands that give no thrust, as a share of full command.
+        deadband_style: `cut`: thrust jumps to the curve's value at the edge of the dead band; `shift`: thrust
+            starts at 0 there.
+        delay: Delay of the command [s].
     """
 
     name: Name
@@ -109,14 +141,26 @@ class Thruster(_Part, frozen=True):
 
     @property
     def pushes(self) -> bool:
-        """Whether the command drives a thruster and not a servo."""
+        """Whether the command drives a thruster; False for the servo of a fin (`curve = "none"`)."""
         return self.curve != "none"
 
 
 class Vehicle(_Part, frozen=True):
-    """Vehicle file.  `effect` holds one table per physical effect, with the catalogue's names.
+    """Content of a vehicle file.
 
-    In memory, several effects of the same catalogue name have distinct names, see `told_apart`.
+    In memory, several effects of the same catalogue name have distinct names, such as
+    `control_surface:rudder` (`told_apart`).
+
+    Attributes:
+        name: Name of the vehicle.
+        rigid_body: Mass, centre of gravity and inertia.
+        buoyancy: Buoyant force and its centre.
+        hull: Box around the hull.
+        format: Name and version of the format.
+        environment: Water density and gravity.
+        battery: Battery; None if unknown.
+        thruster: Thrusters and servos, in the order of the commands.
+        effect: Physical effects, one `[[effect]]` table each: `name` in the catalogue, and parameters.
     """
 
     name: Name
@@ -130,18 +174,22 @@ class Vehicle(_Part, frozen=True):
     effect: tuple[dict[str, Any], ...] = ()
 
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
-        """Return the `[[effect]]` tables with a given name, either a name in this file or in the catalogue.
+        """Return the `[[effect]]` tables with a given name, in the order of the file.
+
+        Empty if there are none.
 
         Args:
-            name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
+            name: `control_surface:rudder` for one effect, `control_surface` for all effects with this name in
+                the catalogue.
         """
         return tuple(entry for entry in self.effect if name in called(entry))
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Return the distinct names in this file of the effects that are called by a name.
+        """Return the distinct names in this file of all effects with a given name; empty if there are none.
 
         Args:
-            name: Name in the catalogue, such as `control_surface`, or in this file.
+            name: Name in the catalogue, such as `control_surface`, or in this file, such as
+                `control_surface:rudder`.
         """
         return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
@@ -149,17 +197,18 @@ class Vehicle(_Part, frozen=True):
         """Return a copy of the vehicle without the effects of a given name.
 
         Args:
-            name: `control_surface:rudder` for one effect, `control_surface` for all of this kind.
+            name: `control_surface:rudder` for one effect, `control_surface` for all effects with this name in
+                the catalogue.
         """
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
 
 
 def require_names(vehicle: Vehicle) -> None:
-    """Raise an error if the vehicle or a thruster has a name that violates the rule of `vehicle.names`.
+    """Raise an error if the name of the vehicle or of a thruster has characters that no name may have.
 
     Raises:
-        DataError: A name is invalid; the message starts with the path in the vehicle file.
+        DataError: A name is invalid; the message starts with its path in the vehicle file and gives the rule.
     """
     thrusters = {f"thruster[{index}].name": one.name for index, one in enumerate(vehicle.thruster)}
     names.require({"name": vehicle.name, **thrusters})
@@ -173,18 +222,20 @@ def catalogue_name(name: str) -> str:
 def called(table: Mapping[str, Any]) -> tuple[str, str]:
     """Return the name of an effect in its vehicle, and its name in the catalogue.
 
+    Example: `control_surface:rudder` and `control_surface`.
+
     Args:
-        table: `[[effect]]` table.
+        table: `[[effect]]` table of the effect.
     """
     name = str(table.get("name"))
     return name, catalogue_name(name)
 
 
 def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return a unique name for each effect of a vehicle file.
+    """Return a unique name for each effect of a vehicle file, in the order of the effects.
 
     An effect with a label is `NAME:LABEL`; several effects of one name without labels are `NAME:1`, `NAME:2`
-    in order.
+    in order.  Any other effect keeps its name.
 
     Args:
         tables: `[[effect]]` tables of the file.

@@ -18,13 +18,14 @@ from hydro.core.errors import DataError
 
 
 def lamb_constants(semi_axes: Sequence[float]) -> Array:
-    """Return Lamb's constants (alpha_0, beta_0, gamma_0) of an ellipsoid, as the module defines them.
+    """Return Lamb's constants (alpha_0, beta_0, gamma_0) of an ellipsoid, (3,).
+
+    With Delta = sqrt((a^2 + s)(b^2 + s)(c^2 + s)), alpha_0 is a b c times the integral over s, from 0 to
+    infinity, of 1 / ((a^2 + s) Delta); beta_0 and gamma_0 have b^2 and c^2 in the place of a^2.  Their sum is
+    2 (Lamb, art. 114 (6)).
 
     Args:
         semi_axes: a, b, c [m] along body x, y, z; any order of size.
-
-    Returns:
-        Three numbers [-], their sum 2 (Lamb, art. 114 (6)), through Carlson's symmetric integral R_D.
 
     Raises:
         DataError: A semi-axis is not a positive finite number.
@@ -42,10 +43,11 @@ def lamb_factors(semi_axes: Sequence[float]) -> Array:
         semi_axes: a, b, c [m] along body x, y, z.
 
     Returns:
-        Six numbers [-].  The first three are alpha_0 / (2 - alpha_0) and so on (art. 114 (7)).  The last
-        three are (b^2 - c^2)^2 D / ((b^2 + c^2)(2 - (b^2 + c^2) D)) and so on (art. 115 (9)), relative to the
-        displaced inertia m (b^2 + c^2)/5.  D = (gamma_0 - beta_0) / (b^2 - c^2) is computed as an integral,
-        so that there is no 0/0 at b = c.
+        Factors [-] along x, y, z and about x, y, z, (6,).  With Lamb's constants, the first is alpha_0 / (2 -
+        alpha_0) (art. 114 (7)).  The fourth is (b^2 - c^2)^2 D / ((b^2 + c^2)(2 - (b^2 + c^2) D)) with D =
+        (gamma_0 - beta_0) / (b^2 - c^2) (art. 115 (9)), relative to m (b^2 + c^2)/5 with the displaced mass
+        m.  The other axes follow by cyclic exchange.  D is computed as an integral, so that there is no 0/0
+        at b = c.
 
     Raises:
         DataError: A semi-axis is not a positive finite number.

@@ -45,7 +45,10 @@ def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
 
 @kernel
 def quaternion_kernel(quaternion: Array, out: Array) -> None:
-    """Write the rotation of a quaternion (w, x, y, z), of any length but zero, into `out` (9,), row-major."""
+    """Write the rotation matrix of a quaternion (w, x, y, z) into `out` (9,), row-major.
+
+    The quaternion may have any length but zero.
+    """
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     twice = 2.0 / (w * w + x * x + y * y + z * z)
     out[0] = 1.0 - twice * (y * y + z * z)
@@ -69,10 +72,10 @@ def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, 
 
 
 def quaternion_product(q: Array, w: Array, x: Array, y: Array, z: Array) -> Array:
-    """Return the products of N quaternions q with quaternions (w, x, y, z), (N, 4).
+    """Return the products of N quaternions q with quaternions (w, x, y, z), as (w, x, y, z), (N, 4).
 
     Args:
-        q: Quaternions on the left, (N, 4).
+        q: Quaternions on the left, as (w, x, y, z), (N, 4).
         w: Real parts of the quaternions on the right, (N,) or (1,).
         x: First imaginary parts, (N,) or (1,).
         y: Second imaginary parts, (N,) or (1,).
@@ -157,14 +160,14 @@ def euler_from_rotation(R: ArrayLike) -> Array:
 
 
 def body_states(eta: ArrayLike, nu: ArrayLike) -> Array:
-    """Return states of a body: position, attitude as a unit quaternion, velocity.
+    """Return states of a body as one array: position, attitude as a unit quaternion, velocity.
 
     Args:
-        eta: Poses with ZYX Euler angles, (..., 6) [m, rad].
-        nu: Velocities, (..., 6) [m/s, rad/s].
+        eta: Poses x y z phi theta psi, NED, (..., 6) [m, rad].
+        nu: Velocities of CO, body axes, (..., 6) [m/s, rad/s].
 
     Returns:
-        States: x y z, quaternion (w, x, y, z), nu, (..., 13).
+        x y z, quaternion (w, x, y, z), and nu, (..., 13).
     """
     pose, velocity = np.asarray(eta, np.float64), np.asarray(nu, np.float64)
     attitude = quaternion_from_euler(*np.moveaxis(pose[..., 3:], -1, 0))
@@ -267,12 +270,15 @@ def swap_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def wrapped(angle: ArrayLike) -> Array:
-    """Return angles [rad] wrapped to (-pi, pi]."""
+    """Return angles wrapped to (-pi, pi] [rad], in the shape of the given angles [rad]."""
     return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2.0 * np.pi))
 
 
 def skew(a: ArrayLike) -> Array:
-    """Return the matrix S(a), (..., 3, 3), with S(a) b = a x b for vectors a, (..., 3)."""
+    """Return the cross-product matrix S of vectors `a` (..., 3): S b = a x b for any vector b.
+
+    (..., 3, 3).
+    """
     vector = np.asarray(a, float)
     matrix = np.zeros((*vector.shape, 3))
     matrix[..., 0, 1], matrix[..., 1, 0] = -vector[..., 2], vector[..., 2]

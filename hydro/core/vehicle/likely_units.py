@@ -37,9 +37,9 @@ RATE = (0.5, 2000.0)
 
 
 def doubts(vehicle: Vehicle) -> list[str]:
-    """Return a warning for each value of a vehicle that is likely in another unit; usually none.
+    """Return one sentence of warning for each value of a vehicle that is likely in another unit.
 
-    Relations between values are checked only if each value alone is possible.
+    Usually none. Relations between values are checked only if each value alone is possible.
     """
     alone = list(_alone(vehicle))
     together = [] if alone else list(_together(vehicle))
@@ -48,7 +48,7 @@ def doubts(vehicle: Vehicle) -> list[str]:
 
 
 def sampling(step: float) -> str:
-    """Return a warning if the sample time of a recording is likely in another unit; else empty.
+    """Return a warning if the sample time of a recording is likely in another unit; else an empty string.
 
     Args:
         step: Sample time [s].

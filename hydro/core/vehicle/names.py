@@ -30,6 +30,9 @@ def require(named: Mapping[str, str]) -> None:
 
 
 def usable_name(text: str) -> str:
-    """Return a text as a valid name: `-` for every character that is not allowed, at most 80 characters."""
+    """Return `text` as a name that a vehicle file allows.
+
+    Every character that is not allowed becomes `-`, and the name ends after 80 characters.
+    """
     name = re.sub(r"""[^\w .+()'"-]""", "-", text)[:80]
     return name if _NAME.fullmatch(name) else f"_{name}"[:80]

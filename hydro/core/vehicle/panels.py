@@ -91,7 +91,7 @@ def superellipsoid(
     along: int = 18,
     around: int = 16,
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Return a triangulated hull of a given size: full along its length, rounded across it.
+    """Return the triangulated surface of a hull of given size: full along its length, rounded across it.
 
     The surface is (|y'|^2.5 + |z'|^2.5)^(4/2.5) + x'^4 = 1, with x', y', z' from the centre in half lengths.
     Its facets are symmetric about three planes, so straight motion along an axis gives no force across it.
@@ -105,7 +105,8 @@ def superellipsoid(
         around: Number of points around each ring, a multiple of 4.
 
     Returns:
-        V vertices, (V, 3) [m], and F faces, (F, 3), F = 2 around (along - 1).
+        V points, FRD from CO, (V, 3) [m], and the point numbers of F triangles, (F, 3), with F = 2 around
+        (along - 1).
 
     Raises:
         DataError: A size is not positive and finite.

@@ -36,10 +36,10 @@ class Plausible:
     """Plausible range of a parameter.
 
     Attributes:
-        at: Function from the index of a component and the vehicle to the minimum and maximum plausible value,
-            in the parameter's unit.
+        at: Function from the index of a component (an entry of the parameter's array, () for a number) and
+            the vehicle to the minimum and maximum plausible value, in the parameter's unit.
         words: The range in words, with its unit if it has one.
-        source: Source of the range.
+        source: Publication or reason of the range.
     """
 
     at: Range
@@ -48,13 +48,13 @@ class Plausible:
 
 
 def between(low: float, high: float, unit: str, source: str) -> Plausible:
-    """Return a plausible range that is the same for every vehicle.
+    """Return a plausible range that is the same for every vehicle and every component.
 
     Args:
         low: Minimum.
         high: Maximum.
         unit: Unit of both, or empty.
-        source: Source of the range.
+        source: Publication or reason of the range.
     """
     words = f"{low:g} to {high:g}" + (f" {unit}" if unit else "")
     return Plausible(lambda index, vehicle: (low, high), words, source)
@@ -64,9 +64,9 @@ def of_weight(share: float, words: str, source: str) -> Plausible:
     """Return the plausible range of a force: plus or minus a fraction of the vehicle's weight [N].
 
     Args:
-        share: The fraction.
-        words: The range in words.
-        source: Source of the range.
+        share: The fraction of the weight, such as 0.1.
+        words: The range in words, for reports.
+        source: Publication or reason of the range.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -81,9 +81,9 @@ def within_box(times: float, words: str, source: str, axis: int | None = None) -
 
     Args:
         times: Greatest distance in half lengths of the hull's box.
-        words: The range in words.
-        source: Source of the range.
-        axis: Axis of the box, 0 to 2; by default the last index of the component.
+        words: The range in words, for reports.
+        source: Publication or reason of the range.
+        axis: Axis of the coordinate, 0 to 2 for x, y, z; by default the last index of the component.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -94,7 +94,7 @@ def within_box(times: float, words: str, source: str, axis: int | None = None) -
 
 
 def symmetric(most: Callable[[Vehicle], Array]) -> Range:
-    """Return a function that gives the plausible range of each entry of a symmetric matrix.
+    """Return a function that gives the plausible range of each entry of a symmetric 6 x 6 matrix.
 
     In a positive semi-definite matrix, an off-diagonal entry is at most the geometric mean of the two
     diagonal entries in its row and column (Cauchy-Schwarz).
@@ -103,7 +103,7 @@ def symmetric(most: Callable[[Vehicle], Array]) -> Range:
         most: Function from a vehicle to the maxima of the diagonal, (6,).
 
     Returns:
-        Function from the index of an entry and a vehicle to the entry's minimum and maximum.
+        Function from the index (row, column) of an entry and a vehicle to the entry's minimum and maximum.
     """
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
@@ -132,7 +132,7 @@ def of_entry(range_: Range, i: int, j: int) -> Range:
 
 
 def most_drag(vehicle: Vehicle) -> Array:
-    """Return the maximum drag of the hull's box at 1 m/s and 1 rad/s by axis, (6,) [N, N m].
+    """Return the maximum drag of the hull's box at 1 m/s along, or 1 rad/s about, each axis, (6,) [N, N m].
 
     It is 1/2 rho C_d A with the water density rho, C_d = MOST_DRAG and the area A.  At this speed a linear, a
     quadratic and a cubic damping coefficient are the same number.
@@ -146,10 +146,11 @@ def most_drag(vehicle: Vehicle) -> Array:
 
 
 def most_cross_drag(vehicle: Vehicle) -> Array:
-    """Return the maximum drag on each axis per unit of speed across the axis and velocity along it, (6,).
+    """Return the maximum coefficient of a drag along each axis that grows with the speed across, (6,).
 
-    It is the drag of the hull's box: 1/2 rho C_d A for a force and 1/2 rho C_d int r^2 dA for a moment.  rho
-    is the water density, C_d = MOST_DRAG, A the area and r the lever arm.
+    The drag is the coefficient times the speed across the axis times the velocity along it.  The coefficient
+    is that of the hull's box, 1/2 rho C_d A for a force and 1/2 rho C_d int r^2 dA for a moment, with the
+    water density rho, C_d = MOST_DRAG, the area A and the lever arm r.
     """
     sides = 2.0 * _half(vehicle)
     pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
@@ -159,10 +160,10 @@ def most_cross_drag(vehicle: Vehicle) -> Array:
 
 
 def most_added(vehicle: Vehicle) -> Array:
-    """Return the maximum added mass by axis, (6,) [kg, kg m^2].
+    """Return the maximum added mass along, and added inertia about, each axis, (6,) [kg, kg m^2].
 
-    It is MOST_ADDED times the displaced mass; for moments, MOST_ADDED times the inertia about CO of the
-    displaced water, spread over the hull's box.
+    It is MOST_ADDED times the displaced mass, or times the inertia about CO of the displaced water, spread
+    over the hull's box.
     """
     mass, sides = displaced_mass(vehicle), 2.0 * _half(vehicle)
     center = np.array(vehicle.hull.center)
@@ -174,8 +175,8 @@ def most_added(vehicle: Vehicle) -> Array:
 def most_lift(vehicle: Vehicle) -> Array:
     """Return the maximum lift coefficients of the hull's side and of its bottom, (2,) [kg/m].
 
-    Lift is the coefficient times speed and drift speed.  The coefficient is 1/2 rho 2 pi A, with the water
-    density rho and the area A.
+    The lift is the coefficient times the speed times the velocity across the surface.  The maximum is 1/2 rho
+    2 pi A, with the water density rho and the area A: the lift slope of a thin wing is 2 pi.
     """
     length, width, height = 2.0 * _half(vehicle)
     pressure = 0.5 * vehicle.environment.water_density * LIFT_SLOPE

@@ -80,7 +80,7 @@ def coriolis_matrix(matrix: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def balance(vehicle: Vehicle) -> Array:
-    """Return the net weight and its moments, (4,): W - B [N] and the vector W r_g - B r_b [N m].
+    """Return the net weight and its moments, (4,): W - B [N], then the vector W r_g - B r_b [N m].
 
     W is the weight, B the buoyancy; r_g and r_b are the centres of gravity and buoyancy from CO, body FRD.
     """
@@ -94,10 +94,10 @@ def balance(vehicle: Vehicle) -> Array:
 
 @kernel
 def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
-    """Add the wrench of weight and buoyancy ON the vehicle about CO to `out`.
+    """Add the wrench of weight and buoyancy on the vehicle, about CO, to `out`.
 
-    The force is (W - B) down, the moment (W r_g - B r_b) x down; Fossen (4.3)-(4.6) with the sign of a force
-    on the vehicle.
+    The force is (W - B) down, the moment (W r_g - B r_b) x down, with weight W, buoyancy B, and their centres
+    r_g and r_b from CO; Fossen (4.3)-(4.6) with the sign of a force on the vehicle.
 
     Args:
         balance: W - B and W r_g - B r_b, (4,), from `balance`.
@@ -119,7 +119,7 @@ def _restoring_columns(balance: Array, down: Array, out: Array) -> None:
 
 
 def restoring(vehicle: Vehicle, phi: ArrayLike, theta: ArrayLike) -> Array:
-    """Return the wrench of weight and buoyancy ON the vehicle, -g(eta) of Fossen (4.6).
+    """Return the wrench of weight and buoyancy on the vehicle, -g(eta) of Fossen (4.6).
 
     Args:
         vehicle: The vehicle.
@@ -136,15 +136,15 @@ def restoring(vehicle: Vehicle, phi: ArrayLike, theta: ArrayLike) -> Array:
 
 
 def potential(vehicle: Vehicle, z: ArrayLike, phi: ArrayLike, theta: ArrayLike) -> Array:
-    """Return the potential energy of weight and buoyancy [J], 0 with both centres at the surface.
+    """Return the potential energy of weight and buoyancy [J]; 0 if both centres are at the surface.
 
     The restoring wrench is the negative gradient of this energy along the motions of the body.
 
     Args:
         vehicle: The vehicle.
         z: Depth of CO [m], down positive; broadcast against the angles.
-        phi: Roll [rad].
-        theta: Pitch [rad].
+        phi: Roll [rad], any shape.
+        theta: Pitch [rad], broadcast against `phi`.
     """
     net, *moment = balance(vehicle)
     return np.asarray(-net * np.asarray(z, float) - _down(phi, theta) @ np.asarray(moment))

@@ -50,9 +50,11 @@ COLUMNS = 20
 def same_states(table: Array, other: Array) -> bool:
     """Return whether two thruster tables give the same lag states for the same commands.
 
+    A lag state is a thrust or a rotor speed.
+
     Args:
-        table: First table, (n, COLUMNS).
-        other: Second table.
+        table: Constants of n thrusters, (n, COLUMNS), from `thruster_table`.
+        other: Constants of the thrusters to compare.
     """
     after = {*range(COLUMNS)[UNIT_WRENCH], GAIN, ASYMMETRY, INFLOW, REACTION}
     before = [c for c in range(COLUMNS) if c not in after]
@@ -85,9 +87,10 @@ def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
 
 
 def thruster_table(vehicle: Vehicle) -> Array:
-    """Return the vehicle's n thrusters as rows of numbers for the kernels, (n, COLUMNS).
+    """Return the thruster table: the constants of the vehicle's n thrusters, one row each, (n, COLUMNS).
 
-    Gain, asymmetry, inflow and reaction are 0 here; effects of kind `actuator` change them and other columns.
+    The module names the columns, such as MAX_THRUST.  Gain, asymmetry, inflow and reaction are 0; effects of
+    kind `actuator` change them and other columns.
 
     Raises:
         DataError: A thruster has no placement, or two; its `lag_step` exceeds its time constant; or its curve
@@ -126,7 +129,9 @@ _remembered = lru_cache(maxsize=64)(_table)
 
 
 def table_of(thruster: Thruster) -> ThrustTable | None:
-    """Return the table of a thruster's thrust by command and supply voltage; None for a simple curve.
+    """Return the thrust of a thruster by command and supply voltage, as a table.
+
+    None for a curve with a formula.
 
     Raises:
         DataError: The file's numbers are not a valid table.
@@ -138,7 +143,7 @@ def table_of(thruster: Thruster) -> ThrustTable | None:
 
 
 def curve_power(thruster: Thruster) -> float:
-    """Return the exponent p of a thruster's curve, thrust ~ |effective command|^p."""
+    """Return the exponent p of a thruster's curve: thrust is proportional to |effective command|^p."""
     if thruster.curve in ("linear", "quadratic", "none"):
         return 2.0 if thruster.curve == "quadratic" else 1.0
     return 2.0 if thruster.lag == "speed" else 1.0
@@ -205,17 +210,17 @@ def _limits(
 
 @kernel
 def raised(size: float, power: float) -> float:
-    """Return size^power, as one product for a power of 2."""
+    """Return size^power; a square is computed as one product."""
     return size * size if power == 2.0 else size**power
 
 
 @kernel
 def static_thrust(row: Array, n: float) -> float:
-    """Return the steady thrust [N] of a thruster, by dead band and curve.
+    """Return the steady thrust [N] of one thruster, after dead band and curve.
 
     Args:
         row: Row of the thruster table.
-        n: Normalised speed or effective command, in [-1, 1].
+        n: Normalised rotor speed or effective command, in [-1, 1].
     """
     size: float = abs(n)
     band: float = row[DEADBAND]
@@ -233,7 +238,7 @@ def static_thrust(row: Array, n: float) -> float:
 
 @kernel
 def settled_state(row: Array, command: float) -> float:
-    """Return the steady lag state under a constant command: thrust [N] or normalised rotor speed.
+    """Return the steady lag state under a constant command: thrust [N], or normalised rotor speed in [-1, 1].
 
     Args:
         row: Row of the thruster table.
@@ -246,10 +251,11 @@ def settled_state(row: Array, command: float) -> float:
 
 @kernel
 def lag_decay(row: Array, dt: float) -> float:
-    """Return the factor of the distance from steady state over a time dt [s]: exp(-dt/T) or (1 - h/T)^(dt/h).
+    """Return the factor by which a lag state's distance from the steady state shrinks in a time dt [s].
 
-    T is the time constant and h the step of a source that integrates by Euler's method.  The exponent dt/h
-    may be any real number, so two parts of a step give the same lag as the whole step.
+    It is exp(-dt/T) with the time constant T, or (1 - h/T)^(dt/h) if the data come from a simulator that
+    integrates by Euler's method with step h.  The exponent dt/h may be any real number, so two parts of a
+    step give the same lag as the whole step.
 
     Args:
         row: Row of the thruster table.
@@ -267,7 +273,8 @@ def lag_decay(row: Array, dt: float) -> float:
 def advance_state(row: Array, state: float, command: float, dt: float) -> float:
     """Return the lag state after a time dt [s] under a constant command, exactly and in one step.
 
-    Without lag the state follows immediately, even for dt = 0.
+    A lag state is a thrust [N] or a normalised rotor speed.  Without lag the state follows immediately, even
+    for dt = 0.
 
     Args:
         row: Row of the thruster table.
@@ -281,9 +288,10 @@ def advance_state(row: Array, state: float, command: float, dt: float) -> float:
 
 @kernel
 def state_derivative(row: Array, state: float, command: float) -> float:
-    """Return the rate of the lag state [per s], whose solution is `advance_state`.
+    """Return the time derivative of the lag state (thrust [N] or normalised rotor speed), per second.
 
-    The rate is 0 without lag, where `advance_state(row, state, command, 0.0)` sets the state.
+    `advance_state` is the solution.  Without lag the derivative is 0, and `advance_state(row, state, command,
+    0.0)` sets the state.
 
     Args:
         row: Row of the thruster table.
@@ -299,10 +307,10 @@ def state_derivative(row: Array, state: float, command: float) -> float:
 
 @kernel
 def inflow_speed(row: Array, nu_r: Array) -> float:
-    """Return the speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
+    """Return the speed through the water along one thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
 
-    d is the direction of the thrust, r the position, and b the unit wrench without the reaction torque, which
-    has no lever arm.
+    d is the direction of the thrust, r the thruster's position, v_r and omega the two halves of nu_r, and b
+    the wrench of one newton of thrust without the reaction torque, which has no lever arm.
 
     Args:
         row: Row of the thruster table.
@@ -316,7 +324,7 @@ def inflow_speed(row: Array, nu_r: Array) -> float:
 
 @kernel
 def state_to_thrust(row: Array, state: float, inflow: float) -> float:
-    """Return the thrust [N] for a lag state, with gain, asymmetry and the loss by inflow.
+    """Return the thrust [N] of one thruster for a lag state, with gain, asymmetry and the loss by inflow.
 
     Args:
         row: Row of the thruster table.
@@ -377,15 +385,17 @@ def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None
 def lag_states(
     table: Array, commands: ArrayLike, t: ArrayLike, times: ArrayLike, *, settled: bool = False
 ) -> Array:
-    """Return the lag states of thrusters at any times of one segment.
+    """Return the lag states of thrusters at given times of one segment.
+
+    A lag state is a thrust [N] before losses, or a normalised rotor speed.
 
     Args:
         table: Table of n thrusters, (n, COLUMNS).
         commands: Effective commands in N rows, (N, n); row k is held on [t_k, t_k+1), the last row for ever.
         t: Times of the commands [s], (N,), ascending.
         times: Times of M states [s], (M,), ascending, from t[0] on.
-        settled: Whether to start in the steady state of the first command, as after a gap; else at rest, with
-            a command of 0 before the first.
+        settled: Whether the thrusters start in the steady state of the first command, as after a gap; else
+            they start at rest, with a command of 0 before the first.
 
     Returns:
         States, (M, n): limits from the left where a command changes.

@@ -31,7 +31,7 @@ _YEARS = (946_684_800.0, 4_102_444_800.0)  # plausible times of receipt: years 2
 
 
 def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a DataFlash `.bin`.
+    """Yield the messages of a DataFlash `.bin`, each with its topic and time of receipt [s].
 
     Times are UTC if the log has a GPS, otherwise seconds since the autopilot was switched on.
 
@@ -58,7 +58,7 @@ def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[It
 def messages_of(
     reader: Any, types: set[str], said: io.StringIO, selection: Selection, options: Options
 ) -> Iterator[Item]:
-    """Yield the messages of an open DataFlash log; a note reports damage.
+    """Yield the messages of an open DataFlash log, each with its topic and time; a note reports damage.
 
     Args:
         reader: Open log of `pymavlink`.
@@ -115,7 +115,7 @@ def _instance(message: Any) -> Any:
 
 @contextlib.contextmanager
 def quiet(said: io.StringIO) -> Iterator[None]:
-    """Write the library's output during a `with` block to `said`, instead of the terminal.
+    """Redirect the library's output during a `with` block to `said`, away from the terminal.
 
     Of a long output only a part is kept.
     """
@@ -151,9 +151,10 @@ def _tell_damage(said: io.StringIO, options: Options) -> None:
 
 
 def telemetry(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a MAVLink `.tlog`: frames, each preceded by the receiver's clock.
+    """Yield the messages of a MAVLink `.tlog`, each with its topic and time of receipt [s].
 
-    The stamp of a message is its `time_boot_ms` or `time_usec`, because links deliver in bursts.
+    The file has frames, each preceded by the receiver's clock.  The stamp of a message is its `time_boot_ms`
+    or `time_usec`, because links deliver in bursts.
     """
     from pymavlink.dialects.v20 import ardupilotmega
 
@@ -243,7 +244,7 @@ def _plausible(received: float, latest: float | None) -> bool:
 
 
 def is_telemetry(head: bytes) -> bool:
-    """Check whether a file begins with a time in this century and the start of a MAVLink frame."""
+    """Return whether the first bytes `head` of a file are a time in this century and a MAVLink frame."""
     if len(head) < 9 or head[8] not in (0xFD, 0xFE):
         return False
     return _plausible(struct.unpack(">Q", head[:8])[0] / _MICRO, None)

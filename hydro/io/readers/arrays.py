@@ -83,7 +83,7 @@ def _count_elements(path: Path, expansion: Expansion) -> None:
 def table(
     named: Mapping[str, Any], selection: Selection, options: Options, expansion: Expansion
 ) -> pl.DataFrame:
-    """Return named arrays as the columns of a table.
+    """Return named arrays as the columns of one table.
 
     Arrays of several lengths, each with an array of times, get their own rows, sorted by time.  Otherwise the
     arrays of the most frequent length are used; of equally frequent lengths, the longest.

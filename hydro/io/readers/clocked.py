@@ -20,7 +20,9 @@ _CLOCK = re.compile(
 
 
 def table(columns: Named, selection: Selection, options: Options) -> pl.DataFrame | None:
-    """Return the wanted columns with their own rows for each clock, sorted by time.
+    """Return the wanted columns as a table in which each clock (array of times) has its own rows.
+
+    Rows are sorted by time; a row has values in the columns of its clock only.
 
     Args:
         columns: All arrays by name, each (n,) with its own length n.

@@ -22,7 +22,7 @@ EXAMINED = 20
 
 @dataclass
 class Listed:
-    """Summary of a topic.
+    """Summary of a topic of a log: its messages and fields.
 
     Attributes:
         topic: The topic.
@@ -43,7 +43,12 @@ class Listed:
     failed: int = 0
 
     def add(self, received: float, raw: Any) -> None:
-        """Count a message, and examine its fields if it is one of the first."""
+        """Count a message in the summary, and examine its fields if it is one of the topic's first messages.
+
+        Args:
+            received: Time of receipt [s].
+            raw: The stored message.
+        """
         self.count += 1
         self.first, self.last = min(self.first, received), max(self.last, received)
         if self.count <= EXAMINED and self.topic.decode is not None:
@@ -88,7 +93,7 @@ def columns(listed: Sequence[Listed]) -> list[str]:
 
 
 def collect(stream: Iterable[Item], selection: Selection, name: str) -> Tables:
-    """Return the selected columns of a log, with separate rows for each topic.
+    """Return the selected columns of a log of messages, with separate rows for each topic.
 
     Args:
         stream: Messages of the log.
@@ -140,10 +145,14 @@ class _Receipt:
         self._count = 0
 
     def see(self, topic: Topic, received: float) -> None:
-        """Record the time of a topic's next message [s].
+        """Record when a topic's next message was received, and note whether the logger's clock restarted.
 
         The clock restarts if many messages in a row lie behind earlier ones of their own topics.  A single
         such message is late.  Topics written one after another fall only relative to each other.
+
+        Args:
+            topic: Topic of the message.
+            received: Time of receipt [s].
         """
         latest = self._latest.get(topic, -np.inf)
         if received >= latest - RESTART_FALL:
@@ -161,7 +170,7 @@ class _Receipt:
             self._latest, self._behind = {topic: received}, 0
 
     def finish(self) -> None:
-        """Add the restarts of the clock to topics whose first message came after them."""
+        """Add restarts of the clock to those topics whose first message came after a restart."""
         for each in self._buffers.values():
             each.again[:0] = [0] * (self._count - len(each.again))
 

@@ -16,7 +16,7 @@ from hydro.io.readers.parquet_pages import count
 
 
 def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """Read all columns of a Parquet file; structs become `name.field`, lists `name[0]` and so on.
+    """Return all columns of a Parquet file; structs become `name.field`, lists `name[0]` and so on.
 
     Raises:
         DataError: The file is damaged.

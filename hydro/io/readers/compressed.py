@@ -96,7 +96,7 @@ def unzstd_file(path: Path, target: Path, expansion: Expansion) -> None:
 
 
 def count_zlib(file: BinaryIO, length: int, expansion: Expansion) -> None:
-    """Add the expanded size of the next `length` bytes of a file to a count, without keeping them.
+    """Add the expanded size of the next `length` bytes of a file to `expansion`, without keeping the bytes.
 
     Raises:
         DataError: The data expand beyond the limit.

@@ -22,10 +22,14 @@ _LARGE = 1 << 16
 
 @contextlib.contextmanager
 def reading(name: str, kind: str) -> Iterator[None]:
-    """Turn every failure of the block into an error of one line about the file.
+    """Convert every exception in a `with` block to a `DataError` of one line about the file.
 
     Libraries raise many exceptions on a damaged file (`struct.error`, `KeyError`, `AssertionError` and their
     own).  All are caught here, where only the file can be the cause.
+
+    Args:
+        name: Name of the file.
+        kind: Kind of file in words.
 
     Raises:
         DataError: The block failed, or the library that it needs is not installed.
@@ -49,14 +53,14 @@ def _reason(error: Exception) -> str:
 
 
 class Bounded(io.BufferedReader):
-    """File whose reads are limited to its remaining bytes, so that no wrong declared size is allocated."""
+    """Open file that never reads more than its remaining bytes, so that a wrong declared size is harmless."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(io.FileIO(path))
         self.size = os.stat(path).st_size
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read up to `size` bytes; by default all that remain."""
+        """Return up to `size` bytes of the file; by default all that remain."""
         if size is not None and size > _LARGE:
             size = max(0, min(size, self.size - self.tell()))
         return super().read(size)

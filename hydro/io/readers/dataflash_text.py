@@ -18,12 +18,12 @@ _FIRST = re.compile(rb"^FMT, ?128, ?\d+, ?FMT,", re.MULTILINE)
 
 
 def begins(head: bytes) -> bool:
-    """Check whether a file begins with the format description of DataFlash text."""
+    """Return whether a file's first bytes `head` are the format description of DataFlash text."""
     return _FIRST.search(head) is not None
 
 
 def dataflash_text(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a DataFlash text log, with the names and times of a `.bin`."""
+    """Yield the messages of a DataFlash text log, each with topic and time, as from a `.bin`."""
     os.environ.setdefault("MAVLINK_DIALECT", "ardupilotmega")
     from pymavlink.DFReader import DFReader_text
 

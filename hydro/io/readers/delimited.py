@@ -26,14 +26,14 @@ _CONTROL = re.compile(rb"[\x01-\x08\x0b\x0e-\x1f\x7f]")
 
 
 def is_text(head: bytes) -> bool:
-    """Check whether the beginning of a file is text; NUL bytes are ignored."""
+    """Return whether the first bytes `head` of a file are text; NUL bytes are ignored."""
     if head.startswith(_UTF16):
         return True
     return bool(head.strip(b"\0 \r\n\t")) and not _CONTROL.search(head)
 
 
 def csv(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """Read all columns of a CSV as text, so that an error can name the row of an invalid number.
+    """Return all columns of a CSV as text, so that an error can name the row of an invalid number.
 
     Tables of `rostopic echo -p` get the columns `time` and `receive_time` [s], like those of a bag.
     """
@@ -41,10 +41,10 @@ def csv(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
-    """Return the table in a text, with all columns as text; repairs are noted in `options`.
+    """Return the table in the bytes of a CSV, with all columns as text; repairs are noted in `options`.
 
     Args:
-        content: Text of the file.
+        content: Bytes of the file.
         options: Name of the file for errors; receives the notes.
 
     Raises:

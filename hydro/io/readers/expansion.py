@@ -33,7 +33,7 @@ _chosen: ContextVar[float | None] = ContextVar("max_expanded", default=None)
 
 @contextmanager
 def allowed(gigabytes: float | None) -> Iterator[None]:
-    """Set another limit for every file that is read in the block.
+    """Set the limit on the expanded size of every file that is read in a `with` block.
 
     Args:
         gigabytes: Limit [GB, of 10^9 bytes]; None for the default, which depends on the file's size.
@@ -52,7 +52,7 @@ def limit(size: float) -> float:
 
 
 class Expansion:
-    """Count of the expanded bytes of one file.
+    """Counter of one file's bytes after decompression, with a limit that protects the memory.
 
     Attributes:
         limit: Maximum of the count.

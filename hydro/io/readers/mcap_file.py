@@ -33,7 +33,10 @@ _LONGEST_JSON = int(LEAST / 24)
 
 
 def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of an MCAP file, or of all those in a ROS 2 recording's folder, in file order."""
+    """Yield the messages of an MCAP file, each with its topic and time of receipt [s], in file order.
+
+    Of the folder of a ROS 2 recording, the messages of all MCAP files are read.
+    """
     if path.is_dir():
         for part in sorted(path.glob("*.mcap"), key=_in_turn):
             yield from messages(part, selection, options)
@@ -109,7 +112,7 @@ class _Topics:
         self._made: dict[int, Topic] = {}
 
     def of(self, channel: int) -> Topic:
-        """Return the topic of a channel number."""
+        """Return the topic with a given channel number in the file."""
         if channel not in self._made:
             self._made[channel] = self._make(self.channels[channel])
         return self._made[channel]
@@ -137,7 +140,7 @@ _JSON = msgspec.json.Decoder()
 
 
 def decoded_json(raw: bytes) -> Any:
-    """Decode a JSON message, including NaN or Infinity, which Python's loggers write.
+    """Return the content of a JSON message, including NaN or Infinity, which Python's loggers write.
 
     Raises:
         ValueError: It is not JSON, or too long for a measurement.
@@ -151,9 +154,9 @@ def decoded_json(raw: bytes) -> Any:
 
 
 def json_stamp(message: Any) -> float | None:
-    """Return the time of measurement of a JSON message [s].
+    """Return the time of measurement of a JSON message [s]; None without a time.
 
-    It is the stamp of its header, `timestamp`, or the time field of MAVLink.
+    The time is the stamp of the message's header, `timestamp`, or the time field of MAVLink.
     """
     if not isinstance(message, Mapping):
         return None

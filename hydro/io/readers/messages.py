@@ -25,7 +25,7 @@ _TOKEN = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 @dataclass(frozen=True)
 class Selection:
-    """Wanted columns of a log, `topic.field` each; `columns` None means all."""
+    """Columns to read from a log, `topic.field` each; `columns` None means all."""
 
     columns: frozenset[str] | None = None
 
@@ -37,11 +37,11 @@ class Selection:
         return sorted(name[len(begin) :] for name in self.columns if name.startswith(begin))
 
     def takes(self, topic: str) -> bool:
-        """Check whether any field of a topic is wanted."""
+        """Return whether any field of a topic is to be read."""
         return self.columns is None or any(name.startswith(f"{topic}.") for name in self.columns)
 
     def takes_type(self, name: str) -> bool:
-        """Return whether a message type is wanted, by its own name or as an instance such as `name[1]`."""
+        """Return whether a message type is to be read, by its name or as an instance such as `name[1]`."""
         return self.takes(name) or any(each.startswith(f"{name}[") for each in self.columns or ())
 
 
@@ -64,13 +64,13 @@ class Options:
 
 @dataclass(eq=False)
 class Topic:
-    """Sequence of messages with the same fields.
+    """Series of messages of one type, which become columns with a common prefix.
 
     Attributes:
         name: Prefix of the columns.
         kind: Type of the messages.
         decode: Function that decodes a stored message; None if messages cannot be decoded.
-        stamp: Function that returns the time of measurement in a message [s]; None or 0 without one.
+        stamp: Function that returns the time of measurement in a message [s]; None or 0 without a time.
         wraps: Period after which the stamp wraps to 0 [s]; 0 if it does not wrap.
         unread: Reason why messages cannot be read, in words; empty if they can.
     """
@@ -90,7 +90,7 @@ Stream = Callable[[Path, Selection, Options], Iterator[Item]]
 
 
 def number(value: Any) -> float | None:
-    """Return a value as a float, a ROS time in seconds; None for a value of another type."""
+    """Return a field's value as a float; a ROS time gives seconds; None for text and other types."""
     if isinstance(value, int | float | np.number | np.bool_):
         return float(value)
     seconds, rest = getattr(value, "sec", None), getattr(value, "nanosec", None)
@@ -101,7 +101,7 @@ def leaves(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, fl
     """Yield every field in a message as a pair of its path and its number, None for text and the like.
 
     Args:
-        value: Message, or a part of one.
+        value: Message, or a part of a message.
         path: Path of that part in the message.
         depth: Number of levels above that part.
     """
@@ -148,7 +148,7 @@ def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]
 
 
 def tokens(path: str) -> list[str | int]:
-    """Return the names and indices of a path such as `channels[3]`."""
+    """Return a path such as `channels[3]` as a list of names and indices, `["channels", 3]`."""
     return [int(index) if index else name for name, index in _TOKEN.findall(path)]
 
 

@@ -26,7 +26,7 @@ _PLAIN, _PLAIN_LENGTHS = 0, 6
 
 
 def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> None:
-    """Add the decompressed size of a Parquet file's columns to a count.
+    """Add the size of a Parquet file's columns after decompression to a counter, without decompressing them.
 
     A number counts `NUMBER` bytes, also where the file stores a repeated value once; text counts its
     characters.
@@ -34,7 +34,7 @@ def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> No
     Args:
         file: The file.
         content: Its bytes.
-        expansion: Count of decompressed bytes, with its limit.
+        expansion: Counter of decompressed bytes, with its limit.
 
     Raises:
         DataError: The count exceeds its limit.

@@ -31,7 +31,7 @@ HEAD = 512
 
 @dataclass(frozen=True)
 class Reader:
-    """Format of logs.
+    """Reader of one format of logs.
 
     Attributes:
         name: Name of the format.
@@ -86,7 +86,11 @@ FORMATS = (
 
 
 def reader_of(path: Path, name: str) -> Reader:
-    """Return the reader of a file, or of a ROS 2 recording's folder.
+    """Return the reader for a file, or for the folder of a ROS 2 recording.
+
+    Args:
+        path: File or folder.
+        name: Its name in error messages.
 
     Raises:
         DataError: No reader knows the format; the message says how to convert the file.
@@ -135,7 +139,7 @@ def _reader(name: str) -> Reader:
 
 
 def read(path: Path, reader: Reader, selection: Selection, options: Options) -> pl.DataFrame | Tables:
-    """Return the columns of a log: those of a table in one frame, or the wanted ones of messages by topic.
+    """Return the columns of a log: a table as one frame, the wanted fields of messages by topic.
 
     Args:
         path: Path of the file or folder.

@@ -24,7 +24,7 @@ _EVERY = 4096
 
 
 class Definitions:
-    """Message types from a log, or else from a folder, or else from the ROS distribution.
+    """Definitions of ROS message types: from a log, or else from a folder, or else from the ROS distribution.
 
     Args:
         ros: Version of ROS, 1 or 2, whose distribution has the types that a log does not describe.
@@ -72,7 +72,7 @@ class Definitions:
             self._broken[kind] = str(error).partition("\n")[0]
 
     def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
-        """Return the decoder of a message type, and the reason why there is none.
+        """Return the decoder of a message type, or None and the reason why there is no decoder.
 
         Args:
             kind: Name of the type.
@@ -123,7 +123,11 @@ class Definitions:
         return partial(_decode, read, kind)
 
     def stamp(self, kind: str) -> Callable[[Any], float | None]:
-        """Return a function that returns the time stamp of a message of a type [s]; None without a stamp."""
+        """Return a function from a message of a type to its time stamp [s], None without a stamp.
+
+        Args:
+            kind: Name of the type.
+        """
         if kind in BUILT_IN and kind not in self._described:
             text = BUILT_IN[kind][0]
             names = [line.split()[-1] for line in text.splitlines()]
@@ -190,7 +194,10 @@ def _from_folder(folder: Path) -> dict[str, Any]:
 
 
 def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a ROS 1 bag, within each of its chunks in order of receipt."""
+    """Yield the messages of a ROS 1 bag, each with its topic and time of receipt [s].
+
+    Within each chunk of the bag, messages are in order of receipt.
+    """
     expansion = Expansion.of(options.name, path)
     with by_chunk(expansion)(BoundedPath(path)) as reader:
         yield from messages_of(reader, Definitions(1, options.definitions), selection, options, expansion)

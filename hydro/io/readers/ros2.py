@@ -16,7 +16,10 @@ _METADATA = "metadata.yaml"
 
 
 def sqlite(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a ROS 2 recording in SQLite: a `.db3` file, or a folder with `metadata.yaml`."""
+    """Yield the messages of a ROS 2 recording in SQLite, each with its topic and time of receipt [s].
+
+    The recording is a `.db3` file, or a folder with `metadata.yaml`.
+    """
     from rosbags.rosbag2 import Reader
 
     expansion = Expansion.of(options.name, path)

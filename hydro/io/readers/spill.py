@@ -21,7 +21,7 @@ _DOUBLE = 8
 
 
 class Spill:
-    """Temporary file without a name, which is deleted with the last object that reads it."""
+    """Temporary file for blocks of numbers, which is deleted with the last object that reads it."""
 
     def __init__(self) -> None:
         self._file = tempfile.SpooledTemporaryFile(max_size=SMALL)  # noqa: SIM115  closed by the finalizer
@@ -29,6 +29,9 @@ class Spill:
 
     def put(self, block: Sequence[array[float]]) -> int:
         """Append columns of numbers to the file, one after another; return the index of the first number.
+
+        Args:
+            block: The columns.
 
         Raises:
             DataError: The disk is full.
@@ -47,17 +50,17 @@ class Spill:
         return place
 
     def take(self, place: int, into: Array) -> None:
-        """Read numbers from index `place` on, as many as the array `into` holds."""
+        """Fill the array `into` with numbers from the file, from index `place` on."""
         self._file.seek(place)
         self._file.readinto(into.data.cast("B"))
 
 
 class Columns:
-    """Columns of numbers with a row for each message, written to a spill block by block.
+    """Columns of numbers with a row for each message, written to a temporary file block by block.
 
     Args:
         count: Number of columns.
-        spill: Spill that receives the blocks.
+        spill: Temporary file that receives the blocks.
     """
 
     def __init__(self, count: int, spill: Spill) -> None:
@@ -67,7 +70,10 @@ class Columns:
         self._places: list[int] = []
 
     def advance(self) -> None:
-        """Count a row, after each of the `open` columns got one number."""
+        """Count a row, after a number was appended to each of the `open` columns.
+
+        Write a full block to the file.
+        """
         self.rows += 1
         if self.rows % BLOCK == 0:
             self._places.append(self._spill.put(self.open))
@@ -75,7 +81,13 @@ class Columns:
                 del column[:]
 
     def column(self, number: int, start: int = 0, stop: int | None = None) -> Array:
-        """Return the numbers of one column in rows `start` to `stop` (excluded); by default all."""
+        """Return the numbers of one column in rows `start` to `stop` (excluded); by default all rows.
+
+        Args:
+            number: Index of the column.
+            start: First row.
+            stop: Row after the last; None for all.
+        """
         stop = self.rows if stop is None else stop
         out = np.empty(max(stop - start, 0))
         for block in range(start // BLOCK, -(-stop // BLOCK) if len(out) else 0):

@@ -27,7 +27,7 @@ class Undecoded(Exception):
 
 
 class Buffer:
-    """Selected fields of a topic: one number per field and message.
+    """Selected fields of one topic: one number per field and message.
 
     Attributes:
         again: Rows at which the clock of receipt restarts.
@@ -45,7 +45,7 @@ class Buffer:
         return self._numbers.rows
 
     def add(self, received: float, raw: object) -> None:
-        """Add the numbers of a message.
+        """Add a row with the numbers of one message.
 
         Args:
             received: Time of receipt [s].
@@ -93,7 +93,13 @@ class Buffer:
         return {f"{self.topic.name}.{path}": place for place, path in held}
 
     def values(self, place: int, start: int = 0, stop: int | None = None) -> Array:
-        """Return the numbers of a column in rows `start` to before `stop`, NaN where a message has none."""
+        """Return the numbers of a column in rows `start` to `stop` (excluded), NaN where a message has none.
+
+        Args:
+            place: Index of the column, see `columns`.
+            start: First row.
+            stop: Row after the last; None for all.
+        """
         return self._numbers.column(len(CLOCKS) + place, start, stop)
 
 
@@ -121,11 +127,19 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Names of the columns, without the clocks."""
+        """Names of the columns, without the columns of clocks."""
         return list(dict.fromkeys(name for each in self._buffers for name in each.columns))
 
     def column(self, name: str, start: int = 0, stop: int | None = None) -> Array:
-        """Return a column in rows `start` to before `stop`, by default all; NaN where a row has no value."""
+        """Return one column in rows `start` to `stop` (excluded), by default all.
+
+        NaN where a row has no value.
+
+        Args:
+            name: Name of the column.
+            start: First row.
+            stop: Row after the last; None for all.
+        """
         if self._places is None:
             (buffer,) = self._buffers
             return buffer.values(buffer.columns[name], start, stop)
@@ -135,7 +149,15 @@ class Table:
         ]
 
     def unset(self, name: str, start: int = 0, stop: int | None = None) -> Mask:
-        """Return the rows (n,) in which a message has the column's field and its value is NaN."""
+        """Return a mask of the rows in which a message states NaN for a column, (n,).
+
+        Missing fields do not count.
+
+        Args:
+            name: Name of the column.
+            start: First row.
+            stop: Row after the last; None for all.
+        """
         if self._places is None:
             own = np.ones(len(self.time), bool)
         else:
@@ -193,7 +215,7 @@ class Tables:
         return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
 
     def values(self, name: str) -> Array:
-        """Return the numbers of one column in the order of its messages, (n,)."""
+        """Return the numbers of one column in the order of its messages, (n,), over all its topics."""
         parts = [each.values(each.columns[name]) for each in self._buffers if name in each.columns]
         return np.concatenate([np.empty(0), *parts])
 
@@ -202,7 +224,10 @@ class Tables:
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
 
     def travel(self) -> dict[str, float]:
-        """Return the mean time from stamp to receipt of messages [s] by topic; 0 without stamps."""
+        """Return the mean time from stamp to receipt of a topic's messages [s], by topic.
+
+        0 without stamps.
+        """
         return {
             each.topic.name: _mean_travel(each.received, t)
             for each, t in zip(self._buffers, self._times, strict=True)
@@ -216,7 +241,7 @@ class Tables:
         return Table(self._buffers, self._times).wide()
 
     def together(self, wanted: Sequence[Sequence[str]]) -> Iterator[tuple[Table, list[str]]]:
-        """Yield tables, each with the names of its columns, so that every group of columns is in one table.
+        """Yield pairs of a table and its columns, such that each group of columns lies in one table.
 
         Topics that no group links stay in separate tables.
 
@@ -256,7 +281,7 @@ def _mean_travel(received: Array, sent: Array) -> float:
 
 
 class Numbers(Mapping[str, Array]):
-    """Columns of tables in ranges of rows, each read on demand; NaN for infinite values.
+    """Mapping from column names to numbers, read on demand from ranges of rows; infinite values give NaN.
 
     Args:
         tables: For each column, its table and the range of rows, the last excluded.

@@ -32,7 +32,7 @@ Tree = dict[Any, Any]
 
 
 def ulog(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """Yield the messages of a ULog in order of time.
+    """Yield the messages of a ULog in order of time, each with its topic and time [s].
 
     A topic with several instances is called `name` for the first, then `name[1]` and so on.  Several
     subscriptions to a topic, each for a part of the log, are one topic.

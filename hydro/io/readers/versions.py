@@ -9,7 +9,7 @@ Read = Callable[[Any], Any]
 
 
 class Versions:
-    """Decoder of a topic that uses the first version of its type that fits its messages.
+    """Decoder for messages of a type that has several versions: it uses the first version that fits.
 
     Args:
         every: Yields a decoder for each version, the most likely first, and only until one fits.

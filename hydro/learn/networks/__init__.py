@@ -82,7 +82,7 @@ ARCHITECTURES: dict[str, dict[str, Any]] = {
 
 
 def architecture(name: str) -> dict[str, Any]:
-    """Return a copy of the default description of the model `name`.
+    """Return a copy of the default description (layers, features) of the network `name`, such as `physfeat`.
 
     Raises:
         UsageError: If the model is unknown; the message lists the known ones.
@@ -102,7 +102,7 @@ def inputs(architecture: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def build(architecture: Mapping[str, Any]) -> Residual:
-    """Build the untrained network of a description such as `architecture('physfeat')`.
+    """Return the untrained network of a description such as `architecture('physfeat')`.
 
     Initial weights come from torch's global generator; seed it first.
 
@@ -121,7 +121,7 @@ def build(architecture: Mapping[str, Any]) -> Residual:
 
 
 def load(model: Model) -> Residual:
-    """Build the network of a model artefact, with its weights and scalers, ready to predict.
+    """Return the network of a stored model, with its weights and scalers, ready to predict.
 
     Raises:
         DataError: If the tensors do not fit the architecture.
@@ -144,5 +144,5 @@ def load(model: Model) -> Residual:
 
 
 def parameter_count(network: nn.Module) -> int:
-    """Count the trainable parameters of a network."""
+    """Return the number of trainable parameters of a network."""
     return sum(parameter.numel() for parameter in network.parameters())

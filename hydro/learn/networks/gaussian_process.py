@@ -26,12 +26,12 @@ from hydro.learn.networks.residual import AXES, Residual
 
 
 class GaussianProcess(Residual):
-    """Sums of radial functions on the sphere of motion directions, and of products of velocities.
+    """Network with the mean of a Gaussian process: radial functions of the motion's direction, and products.
 
     Its k points are the motion directions in which the radial functions have their centres.  Tensors `centre`
-    (3,) [m], `scale` (6,), `top` (1,), `steering` (6, 3), and by stage `linear` (2, 6, 6), `library`
-    (2, 3, 57, 6), `points` (k, 6), and `weights` (k, 2, 3, 3, 6), whose wrenches are in N and N m.  Their
-    meaning is in `core.residual.mirrors`.
+    (3,) [m], `scale` (6,), `top` (1,), `steering` (6, 3), and by stage `linear` (2, 6, 6), `library` (2, 3,
+    57, 6), `points` (k, 6), and `weights` (k, 2, 3, 3, 6), whose wrenches are in N and N m.  Their meaning is
+    in `core.residual.mirrors`.
     """
 
     mirrors: Tensor
@@ -53,12 +53,12 @@ class GaussianProcess(Residual):
         self.register_buffer("mirrors", torch.from_numpy(MIRRORS), persistent=False)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, 12) to the wrench (N, 6), standardised as well."""
+        """Return the standardised wrench (N, 6) for standardised features (N, 12)."""
         wrench = self.forward(self.input_mean + self.input_scale * inputs)
         return (wrench - self.output_mean) / self.output_scale
 
     def forward(self, features: Tensor) -> Tensor:
-        """Map features (N, 12) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
+        """Return tau_res (N, 6) [N, N m], body FRD, order X Y Z K M N, for features (N, 12)."""
         nu = features[:, :AXES].double()  # weights of neighbouring points nearly cancel
         centre = self.centre.double()[None]
         v = nu[:, :3] + torch.linalg.cross(nu[:, 3:], centre)

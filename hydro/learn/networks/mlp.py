@@ -1,4 +1,4 @@
-"""Feedforward network: the paper's Baseline MLP and, with its features, PhysicsFeature-MLP (III-C)."""
+"""Feedforward network: Baseline MLP of Wu et al. (III-C) and, with its features, PhysicsFeature-MLP."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class MLP(Residual):
         self.layers = chain(layers)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, k) to the standardised wrench (N, 6), layer by layer."""
+        """Return the standardised wrench (N, 6) for standardised features (N, k)."""
         *hidden_layers, last = self.layers
         hidden = inputs
         for layer in hidden_layers:

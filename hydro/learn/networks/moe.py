@@ -1,4 +1,4 @@
-"""Mixture of experts: feedforward networks that a gate weighs by the motion (paper III-C)."""
+"""Mixture of experts: feedforward networks that a gate weighs by the motion (Wu et al., III-C)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hydro.learn.networks.residual import AXES, Residual, chain, function
 
 
 class Experts(nn.Module):
-    """Affine maps of E experts: `weight` (E, out, in) and `bias` (E, out), initialised as in nn.Linear."""
+    """One layer of E experts, affine maps: `weight` (E, out, in) and `bias` (E, out), as in nn.Linear."""
 
     def __init__(self, experts: int, wide: int, next_wide: int) -> None:
         super().__init__()
@@ -21,12 +21,12 @@ class Experts(nn.Module):
         self.bias = nn.Parameter(torch.empty(experts, next_wide).uniform_(-reach, reach))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map the inputs of the E experts (E, N, in) to their outputs (E, N, out)."""
+        """Return the outputs of the E experts (E, N, out) for their inputs (E, N, in)."""
         return torch.baddbmm(self.bias.unsqueeze(1), x, self.weight.transpose(1, 2))
 
 
 class MixtureOfExperts(Residual):
-    """Mean of the experts' wrenches, weighted by the softmax of the gate.
+    """Network whose wrench is the mean of the experts' wrenches, weighted by the softmax of a gate.
 
     Tensors `experts.<i>.*` (see `Experts`) and `gate.<i>.*`.
     """
@@ -46,7 +46,7 @@ class MixtureOfExperts(Residual):
         self.count = experts
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, k) to the standardised wrench (N, 6), a weighted mean of experts."""
+        """Return the standardised wrench (N, 6), a mean of experts, for standardised features (N, k)."""
         *hidden_layers, last = self.experts
         x = inputs.unsqueeze(0).expand(self.count, -1, -1)
         for layer in hidden_layers:

@@ -1,4 +1,4 @@
-"""MultiHead network: a common trunk and one small head per axis of the wrench (paper III-C)."""
+"""MultiHead network: a common trunk and one small head per axis of the wrench (Wu et al., III-C)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.learn.networks.residual import AXES, Residual, chain, function
 
 
 class MultiHead(Residual):
-    """Trunk as wide as the Baseline MLP, and heads with one hidden layer each.
+    """Network with a trunk as wide as the Baseline MLP, and a head with one hidden layer for each axis.
 
     Tensors: `trunk.<i>.*`; `hidden.weight` (6 head, in) and `hidden.bias`, the hidden layers of the heads of
     X, Y, Z, K, M, N in this order; `out` (6, head) and `out_bias` (6,), their output layers.
@@ -27,7 +27,7 @@ class MultiHead(Residual):
         self.out_bias = nn.Parameter(torch.empty(AXES).uniform_(-reach, reach))
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, k) to the standardised wrench (N, 6), with a head per axis."""
+        """Return the standardised wrench (N, 6), from one head per axis, for standardised features (N, k)."""
         x = inputs
         for layer in (*self.trunk, self.hidden):
             x = self.activation(layer(x))

@@ -20,9 +20,15 @@ ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
 
 
 class Residual(nn.Module):
-    """Network from features to the wrench in physical units, around a map of standardised numbers.
+    """Base class of networks from features to the wrench, both in physical units.
 
-    Subclasses implement `standardised`.  Before `standardise` is called, means are 0 and scales 1.
+    A subclass implements `standardised`, the map between standardised numbers (mean 0, scale 1).
+
+    Attributes:
+        input_mean: Means of the k features, (k,); 0 before `standardise` is called.
+        input_scale: Scales of the features, (k,); 1 before.
+        output_mean: Means of the wrench, (6,); 0 before.
+        output_scale: Scales of the wrench, (6,); 1 before.
     """
 
     input_mean: Tensor
@@ -39,7 +45,7 @@ class Residual(nn.Module):
             self.register_buffer(f"{side}_scale", torch.ones(length), persistent=False)
 
     def standardise(self, scalers: Mapping[str, np.ndarray]) -> None:
-        """Store the means and scales by which inputs and wrench are standardised from now on.
+        """Set the means and scales by which inputs and wrench are standardised.
 
         Args:
             scalers: Arrays by name: `input_mean` and `input_scale` of the k inputs, (k,), and `output_mean`
@@ -49,17 +55,17 @@ class Residual(nn.Module):
             self.get_buffer(name).copy_(torch.from_numpy(np.asarray(scalers[name], dtype=np.float32)))
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, k) to the standardised wrench (N, 6)."""
+        """Return the standardised wrench (N, 6) for standardised features (N, k)."""
         raise NotImplementedError
 
     def forward(self, features: Tensor) -> Tensor:
-        """Map features (N, k) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
+        """Return tau_res (N, 6) [N, N m], body FRD, order X Y Z K M N, for features (N, k)."""
         inputs = (features - self.input_mean) / self.input_scale
         return self.output_mean + self.output_scale * self.standardised(inputs)
 
 
 def function(name: str) -> Callable[[Tensor], Tensor]:
-    """Return an activation function by name.
+    """Return an activation function of torch, such as ReLU, by its name.
 
     Raises:
         ValueError: If the name is unknown.
@@ -70,7 +76,7 @@ def function(name: str) -> Callable[[Tensor], Tensor]:
 
 
 def chain(widths: Sequence[int]) -> nn.ModuleList:
-    """Return consecutive affine maps, the k-th from widths[k] to widths[k + 1] numbers.
+    """Return affine layers in sequence: the k-th maps widths[k] numbers to widths[k + 1] numbers.
 
     Args:
         widths: Number of inputs, widths of the hidden layers, and number of outputs.

@@ -1,4 +1,4 @@
-"""ResMLP network: projection, residual blocks with layer norms, output layer (paper III-C, ResMLP-12x6)."""
+"""ResMLP network: projection, residual blocks with layer norms, output layer (Wu et al., ResMLP-12x6)."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class Block(nn.Module):
         self.activation = activation
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map (N, width) to (N, width)."""
+        """Return the output of the block (N, width) for its input (N, width)."""
         added: Tensor = self.down(self.activation(self.up(self.norm(x))))
         return x + added
 
 
 class ResMLP(Residual):
-    """Pre-norm residual blocks, with a layer norm after the last.
+    """Network of pre-norm residual blocks, with a layer norm after the last.
 
     Tensors `project.*`, `blocks.<i>.{norm,up,down}.*`, `norm.*` and `out.*`.
     """
@@ -43,7 +43,7 @@ class ResMLP(Residual):
         self.out = nn.Linear(width, AXES)
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, k) to the standardised wrench (N, 6), through all blocks."""
+        """Return the standardised wrench (N, 6) for standardised features (N, k)."""
         x = self.project(inputs)
         for block in self.blocks:
             x = block(x)

@@ -31,12 +31,12 @@ TINY = 1e-12  # keeps the derivative of a square root finite
 
 
 class Structured(Residual):
-    """C(nu) nu + D(nu) nu with a learned inertia and a learned factor A of D.
+    """Network whose wrench C(nu) nu + D(nu) nu cannot add energy: learned inertia, D = (1 + |nu|) A A^T.
 
     Tensors: `layers.<i>.*` map `context` to the 36 entries of A, row by row, with SiLU between; `inertia` (6,
     6) enters with its symmetric part.  Both are in units of the scalers.  With o the scales of the wrench, v
-    those of nu, and r = sqrt(o / v), the physical A is r[i] A[i, j].  The physical inertia is
-    r[i] inertia[i, j] r[j] x 10 s; the factor lets the small steps of the optimiser move it far enough.
+    those of nu, and r = sqrt(o / v), the physical A is r[i] A[i, j].  The physical inertia is r[i] inertia[i,
+    j] r[j] x 10 s; the factor lets the small steps of the optimiser move it far enough.
     """
 
     def __init__(self, *, features: str, layers: Sequence[int]) -> None:
@@ -52,11 +52,11 @@ class Structured(Residual):
             last.copy_(0.5 * torch.eye(AXES).flatten())
 
     def standardised(self, inputs: Tensor) -> Tensor:
-        """Map standardised features (N, 12) to the wrench (N, 6), standardised as well."""
+        """Return the standardised wrench (N, 6) for standardised features (N, 12)."""
         return (self.wrench(inputs) - self.output_mean) / self.output_scale
 
     def forward(self, features: Tensor) -> Tensor:
-        """Map features (N, 12) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
+        """Return tau_res (N, 6) [N, N m], body FRD, order X Y Z K M N, for features (N, 12)."""
         return self.wrench((features - self.input_mean) / self.input_scale)
 
     def wrench(self, inputs: Tensor) -> Tensor:
@@ -65,7 +65,10 @@ class Structured(Residual):
         return self.coriolis(nu) + self.dissipation(nu)
 
     def coriolis(self, nu: Tensor) -> Tensor:
-        """Return C(nu) nu (N, 6) [N and N m] of the learned inertia; it is orthogonal to nu (N, 6)."""
+        """Return the wrench C(nu) nu (N, 6) [N, N m] of the learned inertia for velocities nu (N, 6).
+
+        It is orthogonal to nu.
+        """
         root = self.root()
         momentum = nu @ (root[:, None] * (0.5 * INERTIA_TIME) * (self.inertia + self.inertia.T) * root)
         linear, angular = momentum[:, :3], momentum[:, 3:]
@@ -75,7 +78,7 @@ class Structured(Residual):
         return torch.cat([force, moment], dim=1)
 
     def dissipation(self, nu: Tensor) -> Tensor:
-        """Return D(nu) nu (N, 6) [N and N m] of velocities nu (N, 6)."""
+        """Return the damping wrench D(nu) nu (N, 6) [N, N m] for velocities nu (N, 6)."""
         *hidden_layers, last = self.layers
         scaled = nu / self.input_scale[:AXES]
         speed = (scaled.square().mean(dim=1, keepdim=True) + TINY).sqrt()
@@ -97,7 +100,7 @@ class Structured(Residual):
 
 
 def context(scaled: Tensor, speed: Tensor) -> Tensor:
-    """Return the inputs (N, 7) of the network for A: bounded direction of motion, and 1 / (1 + |nu|).
+    """Return the 7 inputs (N, 7) of the layers that compute A: direction of motion, and 1 / (1 + |nu|).
 
     Args:
         scaled: Standardised velocities (N, 6).

@@ -1,4 +1,4 @@
-"""Temporal model: a causal convolution over past velocities (future work in the paper, section VI).
+"""Temporal model: a causal convolution over past velocities (future work in Wu et al., section VI).
 
 Water has memory: a wake builds up, and vortices are shed.  The wrench is a feedforward function of the
 present (nu, nu_dot) and of nu at previous control steps.  The window is the whole memory, so a simulation

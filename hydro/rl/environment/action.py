@@ -1,4 +1,4 @@
-"""Conversion of actions to thruster commands: scale to a wrench, allocate, keep its direction."""
+"""Conversion of a policy's actions to thruster commands: scale to a wrench, allocate, keep its direction."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ YAW = 5
 
 
 def crew_of(vehicle: Vehicle) -> Mixing:
-    """Return the allocation that turns a demanded wrench into commands of a vehicle's thrusters.
+    """Return the control allocation of a vehicle: constants that convert a demanded wrench to commands.
 
     On axes without thrust, servos of fins take the demand.
 
@@ -75,9 +75,9 @@ def allocate(
 ) -> bool:
     """Write the thruster commands of one vehicle; return whether all entries of its action are finite.
 
-    If a thruster saturates, the whole wrench is scaled down, so that its direction stays the same.  The
-    inverse thrust curve turns thrusts into commands.  Lag and dead band are not compensated; they act as in
-    the vehicle file.
+    The action is a demanded wrench, as fractions of the authority.  If a thruster saturates, the whole wrench
+    is scaled down, so that its direction stays the same.  The inverse thrust curve turns thrusts into
+    commands.  Lag and dead band are not compensated; they act as in the vehicle file.
 
     Args:
         allocation: Pseudo-inverse (n, 6) of the matrix that maps the thrusts of n thrusters to a wrench.

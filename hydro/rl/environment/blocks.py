@@ -42,7 +42,7 @@ class Senses(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """Constants, the same for all tasks, that decide collisions, excess speed and energy of a control step.
+    """Constants for all tasks, by which collisions, excess speed and energy of a control step are determined.
 
     Attributes:
         hull: Centre and semi-axes of the hull's ellipsoid (6,) [m]; see
@@ -59,14 +59,14 @@ class Rules(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Motion of the vehicles: the arrays of a `sim.plant.Plant`, and the rotation matrices of its poses.
+    """Motion of N vehicles: the arrays of a `sim.plant.Plant`, and the rotation matrices of its poses.
 
     Attributes:
         pose: x y z of CO, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (N, 7).
-        velocity: u v w p q r over ground, FRD, (N, 6).
-        specific_force: FRD, (N, 3) [m/s^2].
-        thrust: (N, n) [N].
-        diverged: (N,).
+        velocity: u v w p q r over ground, FRD, (N, 6) [m/s, rad/s].
+        specific_force: Specific force at CO (reading of an accelerometer), FRD, (N, 3) [m/s^2].
+        thrust: Thrust of each of n thrusters, (N, n) [N].
+        diverged: Mask of the vehicles whose simulation diverged, (N,).
         rotation: Body to NED, row by row (N, 9); written by `sense_kernel`.
     """
 
@@ -99,13 +99,13 @@ class Scenes(NamedTuple):
 
 
 class Episodes(NamedTuple):
-    """State of the episodes that one step passes to the next.
+    """State of N running episodes that one control step passes to the next.
 
     Attributes:
         nearest: Shortest range of the sonar without noise (N,) [m]; written by `sense_kernel`.
         action: Action of the previous step (N, 6); this and the following are written by `step_kernel`.
         distance: Distance to the goal (N,) [m].
-        totals: Totals of the episode (N, TOTALS).
+        totals: Totals of the episode, such as its age (N, TOTALS).
     """
 
     nearest: Array
@@ -115,11 +115,11 @@ class Episodes(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Rewards and flags of a step, written by `step_kernel`.
+    """Rewards and flags of a control step, written by `step_kernel`.
 
     Attributes:
-        reward: (N,).
-        flags: (FLAGS, N).
+        reward: Reward of each vehicle, (N,).
+        flags: Flags of each vehicle, such as collided, (FLAGS, N).
         terms: Terms of the reward, costs negative (N, TERMS); see `rl.environment.reward`.
     """
 

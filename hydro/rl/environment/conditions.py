@@ -1,4 +1,4 @@
-"""Physics conditions of a training: the three conditions of the reference paper (V-C) and three more."""
+"""Physics conditions of a training: which water forces act; three of Wu et al. (section V-C), three more."""
 
 from __future__ import annotations
 
@@ -33,17 +33,16 @@ CONDITIONS = (NO_WATER, ZERO, *MODELS, *OF_THE_FILE)
 
 @dataclass(frozen=True)
 class Condition:
-    """Physics of a training.
+    """Physics of a training: which water forces act on the vehicle.
 
     Attributes:
-        name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB.
-            `R_0+M_A`: as with a residual model, with the same added mass and conditioning, but the model's
-            output is zero.  This is R_0 of Wu et al. if only the network differs between conditions.
-            `R_MLP`, `R_PhysFeat` or `R_structured`: a residual model.
-            `R_effects`: all effects of the vehicle file.
-            `R_identified`: the same, for a file that was identified from data.
-        model: Residual model, for the conditions that have one.
-        conditioning: Preset of `sim.residual.conditioning` for the wrench of the residual model.
+        name: `R_0`: no water forces, only thrusters, weight, buoyancy and MuJoCo's own C_RB. `R_0+M_A`: as
+            with a residual model, with the same added mass and conditioning, but the model's output is zero.
+            This is R_0 of Wu et al. if only the network differs between conditions. `R_MLP`, `R_PhysFeat` or
+            `R_structured`: a residual model. `R_effects`: all effects of the vehicle file. `R_identified`:
+            the same, for a file that was identified from data.
+        model: Residual model (a network that predicts a wrench), for the conditions that have one.
+        conditioning: Preset of `sim.residual.conditioning`, the filter and limits of the model's wrench.
         wrench: Other settings of that wrench.
     """
 
@@ -69,7 +68,7 @@ class Condition:
 
 
 def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file: str = "") -> Water:
-    """Return the water forces of a vehicle under a condition.
+    """Return the water forces on a vehicle under a physics condition.
 
     Args:
         condition: The condition.
@@ -148,7 +147,7 @@ def plant(
     threads: int = 1,
     folder: Path | None = None,
 ) -> Plant:
-    """Make the simulator of `count` vehicles under a condition.
+    """Return the simulator of `count` vehicles under a physics condition.
 
     Args:
         condition: The condition, which selects the water forces; see `water`.

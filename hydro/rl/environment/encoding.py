@@ -17,12 +17,14 @@ from hydro.core.errors import DataError
 
 @dataclass(frozen=True)
 class Encoding:
-    """Encoding of O observations as input of a network.
+    """Function that scales O observations in SI units to the input of a network.
+
+    `scale` and `fades` define it.
 
     Attributes:
         scale: Typical size of each observation (O,), in the unit of the observation.
-        fades: Mask (O,) of ranges, which become exp(-x / scale): 1 at contact, 0 far away.  All others become
-            x / scale.
+        fades: Mask (O,) of ranges, which become exp(-x / scale): 1 at contact, 0 far away.  All other
+            observations become x / scale.
     """
 
     scale: Array32

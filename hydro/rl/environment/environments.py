@@ -82,7 +82,7 @@ class FleetConfig:
 
     @classmethod
     def of(cls, choices: Mapping[str, Any]) -> FleetConfig:
-        """Return the config with the values given by name in `choices`; other fields keep their defaults.
+        """Return a config with the values given by field name in `choices`; other fields keep their defaults.
 
         Raises:
             UsageError: A name is no field of the config.
@@ -120,7 +120,7 @@ class FleetConfig:
 
 
 def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int = 0) -> Fleet:
-    """Make a fleet with a task.
+    """Return a new fleet of vehicles with a task.
 
     Args:
         config: Vehicle, task and physics; by default point to point in open water.
@@ -152,16 +152,16 @@ def _file(vehicle: str | Path) -> Path:
 
 
 def single_spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
-    """Return the Gymnasium spaces of one vehicle: of observations (O,), in SI units, and of actions (6,)."""
+    """Return the Gymnasium spaces of one vehicle: of observations in SI units (O,), and of actions (6,)."""
     low, high = bounds(settings)
     return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 def encoded_space(space: spaces.Box, code: Encoding) -> spaces.Box:
-    """Return the Gymnasium space of observations after their encoding.
+    """Return the Gymnasium space that observations have after their encoding.
 
     Args:
-        space: Space of the observations before.
+        space: Space of observations in SI units.
         code: Encoding.
     """
     ends = np.sort([code(space.low.copy()), code(space.high.copy())], axis=0)
@@ -169,7 +169,7 @@ def encoded_space(space: spaces.Box, code: Encoding) -> spaces.Box:
 
 
 class Single(gymnasium.Env):  # type: ignore[misc]
-    """Environment with one vehicle.
+    """Gymnasium environment with one vehicle.
 
     `info` holds the fields of `interfaces.Info`, with `reward_terms` as a dict by name (`reward.TERMS`).
     `rl.environment.observation` describes the observations.
@@ -197,7 +197,11 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episode; if a seed is given, begin the first episode that belongs to the seed.
+        """Begin the next episode; if a seed is given, begin the first episode of that seed.
+
+        Args:
+            seed: Seed of tasks and noise; None continues with the next episode.
+            options: Not used.
 
         Returns:
             Observation (O,), and an empty dict.
@@ -211,7 +215,7 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         """Simulate one control step.
 
         Args:
-            action: Demanded wrench (6,), as shares of the greatest on each axis, clipped to [-1, 1].
+            action: Demanded wrench (6,), as fractions of the greatest on each axis, clipped to [-1, 1].
 
         Returns:
             Observation (O,), reward, whether the episode terminated, whether it was truncated, and `info`.
@@ -251,7 +255,7 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         return self._camera.picture(fleet.plant.pose[0], standing, fleet.targets[0])
 
     def close(self) -> None:
-        """Release the camera."""
+        """Release the camera of `render`, if there is one."""
         if self._camera is not None:
             self._camera.close()
             self._camera = None
@@ -268,7 +272,7 @@ class Single(gymnasium.Env):  # type: ignore[misc]
 
 
 class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
-    """Vector environment of many vehicles.
+    """Gymnasium vector environment of N vehicles.
 
     `autoreset_mode` selects when the next episode begins.  NEXT_STEP, the default, as in Gymnasium: in the
     step after the end, which ignores its action and has reward 0.  SAME_STEP: in the step that ends the last
@@ -311,9 +315,13 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array32, dict[str, Any]]:
-        """Begin the next episode of each selected vehicle, or the first episode that belongs to a given seed.
+        """Begin the next episode of each selected vehicle, or the first episodes of a given seed.
 
         `options["reset_mask"]` selects the vehicles (N,); by default all.
+
+        Args:
+            seed: One seed of tasks and noise for all vehicles; None continues with the next episodes.
+            options: Dict with `reset_mask`, or None.
 
         Returns:
             Observations of all vehicles (N, O), and an empty dict.
@@ -375,7 +383,7 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
 
 class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
-    """Wrapper that encodes observations as the policies of `hydro rl` see them.
+    """Gymnasium wrapper that scales observations to the input that policies of `hydro rl` see.
 
     It is for learners that do not scale observations themselves; see `rl.environment.encoding`.
     """
@@ -387,12 +395,15 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
         self.observation_space = encoded_space(env.observation_space, self._encoding)
 
     def observation(self, observation: Array32) -> Array32:
-        """Return an observation (O,) in SI units as the scaled and encoded input of a policy."""
+        """Return an observation in SI units (O,) as the scaled input of a policy (O,)."""
         return self._encoding(observation)
 
 
 def named(info: Info) -> dict[str, Any]:
-    """Return the outcome of a step as a dict by name, its `reward_terms` as a dict of arrays (N,) by term."""
+    """Return the outcome of a control step as a dict by name, with `reward_terms` as a dict by term.
+
+    Values are arrays (N,), one entry per vehicle.
+    """
     terms = dict(zip(TERMS, info.reward_terms.T, strict=True))
     return info._asdict() | {"reward_terms": terms}
 

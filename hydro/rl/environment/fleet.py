@@ -46,7 +46,7 @@ from hydro.sim.plant import Plant
 
 
 class Fleet:
-    """Vehicles that fly their episodes in parallel.
+    """N vehicles that run their episodes in parallel.
 
     Attributes:
         settings: Settings of world, sensors, reward, tasks and engine.
@@ -175,14 +175,17 @@ class Fleet:
         self._episode[:] = -1
 
     def step(self, actions: ArrayLike, *, renew: bool = True, flying: Mask | None = None) -> Step:
-        """Simulate one control step.
+        """Simulate one control step of all vehicles.
 
         Args:
             actions: Actions (N, 6), clipped to [-1, 1].
             renew: Whether vehicles whose episode ends begin the next one at once; otherwise the caller resets
                 them.
-            flying: Vehicles that move (N,), by default all; the others stay where they are, and their results
+            flying: Vehicles that move (N,), by default all; all others stay where they are, and their results
                 are meaningless.
+
+        Returns:
+            Observations, rewards, and flags of the episodes that ended.
 
         Raises:
             DataError: The actions have a wrong shape or are not finite.
@@ -323,7 +326,7 @@ class Fleet:
         return np.where(held, np.sqrt(mean), 0.0)
 
     def state(self) -> State:
-        """Return the complete state as a copy in arrays by name, for `restore`."""
+        """Return a copy of the complete state of the fleet, as arrays by name, for `restore`."""
         parts = {f"fleet/{name}": np.array(getattr(self, name)) for name in _STATE}
         parts["fleet/task"] = np.frombuffer(self.task.name.encode(), dtype=np.uint8).copy()
         for name, history in (("seen", self._seen), ("demands", self._demands)):
@@ -335,7 +338,7 @@ class Fleet:
         return parts | {"noise": np.frombuffer(generator, dtype=np.uint8).copy()}
 
     def restore(self, state: State) -> None:
-        """Continue, bit for bit, from a `state` of a fleet with the same settings."""
+        """Set the state that `state` of a fleet with the same settings returned, and continue bit for bit."""
         changed = np.flatnonzero(self._changed)
         self._courses = np.zeros_like(state["fleet/_courses"], dtype=np.float64)
         for name in _STATE:

@@ -21,12 +21,12 @@ _ROUNDS = 60  # bisections that find the distance to an ellipse to machine preci
 
 
 def tank(world: World) -> Array:
-    """Return the sizes of the tank (4,) [m]: length, width, depth, radius of the pillars."""
+    """Return the sizes of the tank as one array (4,) [m]: length, width, depth, radius of the pillars."""
     return np.array([world.length, world.width, world.depth, world.pillar_radius])
 
 
 def hull_numbers(hull: Hull) -> Array:
-    """Return centre and semi-axes of the hull's ellipsoid in the body (6,) [m]."""
+    """Return the hull's ellipsoid in body axes as one array (6,) [m]: centre x y z, three semi-axes."""
     return np.array([*hull.center, 0.5 * hull.length, 0.5 * hull.width, 0.5 * hull.height])
 
 
@@ -76,11 +76,12 @@ def projection_kernel(hull: Array, position: Array, R: Array, axis: int) -> tupl
 
 @kernel
 def line_distance(hull: Array, R: Array, x: float, y: float) -> float:
-    """Return the horizontal distance [m] from an ellipsoidal hull to a vertical line; 0 if it is pierced.
+    """Return the horizontal distance [m] from an ellipsoidal hull to a vertical line.
 
-    The result is the distance of the point (x, y) from the ellipsoid's projection on the horizontal plane.
-    That projection is the ellipse q^T S^-1 q = 1 of horizontal vectors q [m], where S is the sum of
-    a_i^2 r_i r_i^T over the three semi-axes a_i [m], and r_i are the horizontal parts of the body's axes.
+    0 if the line pierces it. The result is the distance of the point (x, y) from the ellipsoid's projection
+    on the horizontal plane. That projection is the ellipse q^T S^-1 q = 1 of horizontal vectors q [m], where
+    S is the sum of a_i^2 r_i r_i^T over the three semi-axes a_i [m], and r_i are the horizontal parts of the
+    body's axes.
 
     Args:
         hull: Ellipsoid; its entries 3 to 5 are the semi-axes [m].

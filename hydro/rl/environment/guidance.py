@@ -49,7 +49,7 @@ class Guidance:
         self._ahead = np.full((count, 3), np.nan)
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan new paths for the vehicles of a mask (N,).
+        """Plan new paths from start to goal, around pillars, for the vehicles of a mask.
 
         Args:
             mask: Vehicles that get a new path (N,).
@@ -65,11 +65,11 @@ class Guidance:
         self._along[mask], self._ahead[mask] = 0.0, np.nan
 
     def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
-        """Advance along the paths by one control step.
+        """Advance the vehicles of a mask along their paths by one control step; return their target points.
 
         Args:
             mask: Vehicles that advance (N,).
-            positions: (N, 3), NED [m].
+            positions: Positions of CO (N, 3), NED [m].
 
         Returns:
             Smoothed points ahead (N, 3), NED [m], and weighted cross-track costs (N,) (eq. 9 of Wu et al.).
@@ -85,7 +85,7 @@ class Guidance:
         return {"ways": self.ways.copy(), "along": self._along.copy(), "ahead": self._ahead.copy()}
 
     def restore(self, state: State) -> None:
-        """Restore a state, bit for bit."""
+        """Set the state that `state` returned, and continue bit for bit."""
         kept = (np.array(state[name], dtype=np.float64) for name in ("ways", "along", "ahead"))
         self.ways, self._along, self._ahead = kept
 
@@ -101,11 +101,11 @@ def follow_kernel(
     cost: Array,
     lead: float,
 ) -> None:
-    """Update every vehicle's position along its path and the smoothed point ahead of the vehicle.
+    """Update, for every vehicle, the position along its path and the smoothed point ahead on the path.
 
     Args:
         mask: Vehicles to update (N,).
-        positions: (N, 3), NED [m].
+        positions: Positions of CO (N, 3), NED [m].
         ways: The K corners of each path (N, K, 3), NED [m].
         along: Arc length of each vehicle on its path (N,) [m]; rewritten.
         ahead: Smoothed points ahead (N, 3), NED [m], NaN at the beginning; rewritten.
@@ -155,7 +155,7 @@ def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float
 
 @jit
 def point_at(way: Array, place: float, out: Array) -> None:
-    """Write the point of a path (K, 3) at an arc length `place` [m] into `out` (3,), at most the end."""
+    """Write to `out` (3,) the point of a path `way` (K, 3) at the arc length `place` [m]; at most its end."""
     out[:] = way[-1]
     for k in range(len(way) - 1):
         step = way[k + 1] - way[k]

@@ -71,7 +71,7 @@ def docking_pilot(seen: Array32, manner: Manner = PLAIN) -> Array32:
 
 
 def fin_pilot(seen: Array32) -> Array32:
-    """Compute actions of a proportional controller for vehicles that steer with fins, at constant thrust.
+    """Return the actions of a proportional controller for vehicles that steer with fins, at constant thrust.
 
     The controller turns to the bearing of the target and pitches to its elevation, both measured against the
     horizontal plane.  A target inside the turning circle cannot be reached by turning, so the vehicle first

@@ -11,7 +11,7 @@ from hydro.core.columns import Mask, Rows
 
 
 class History:
-    """Values of N vehicles over their last steps, newest first.
+    """Values of N vehicles in their last control steps, newest first, with a delay for each vehicle.
 
     Attributes:
         values: The last `depth` steps of `width` numbers per vehicle (N, depth, width).
@@ -24,11 +24,11 @@ class History:
         self.late: Rows = np.zeros(count, dtype=np.int64)
 
     def fill(self, mask: Mask, values: NDArray[Any], late: Rows) -> None:
-        """Set the delays of the vehicles of a mask, and all their past values to the same row of `values`.
+        """Set all past values of the vehicles of a mask to the same row of `values`, and set their delays.
 
         Args:
             mask: Vehicles (N,).
-            values: (N, width).
+            values: Row of values for each vehicle (N, width).
             late: Delays (N,) [steps].
         """
         self.values[mask] = values[mask, None]
@@ -41,7 +41,7 @@ class History:
         np.copyto(self.values[:, 0], values, where=mask[:, None])
 
     def arrived(self, steps: int = 1) -> NDArray[Any]:
-        """Return the newest `steps` steps that are at least as old as the delay.
+        """Return the values that have arrived: the newest `steps` steps at least as old as the delay.
 
         Returns:
             Copy of the values (N, steps * width), newest first.

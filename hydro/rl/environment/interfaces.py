@@ -13,10 +13,10 @@ State = dict[str, NDArray[np.generic]]
 
 
 class Guidance(Protocol):
-    """Path planner and follower of a fleet."""
+    """Protocol of a path planner and follower for the N vehicles of a fleet."""
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan new paths for the vehicles of a mask (N,).
+        """Plan new paths from start to goal, around pillars, for the vehicles of a mask.
 
         Args:
             mask: Vehicles that get a new path (N,).
@@ -26,17 +26,24 @@ class Guidance(Protocol):
         """
 
     def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
-        """Return target points (N, 3) and weighted cross-track costs (N,) at positions (N, 3), NED [m].
+        """Return each vehicle's target point on its path, and its weighted cross-track cost.
 
-        The fleet calls this method once per control step.  Vehicles outside the mask (N,) do not advance, and
+        The fleet calls this method once per control step.  Vehicles outside the mask do not advance, and
         their rows have no meaning.
+
+        Args:
+            mask: Vehicles that advance (N,).
+            positions: Positions of CO (N, 3), NED [m].
+
+        Returns:
+            Target points (N, 3), NED [m], and costs (N,).
         """
 
     def state(self) -> State:
-        """Return the complete state as arrays by name, for `restore`."""
+        """Return the complete state of all paths as arrays by name, for `restore`."""
 
     def restore(self, state: State) -> None:
-        """Restore a state, bit for bit."""
+        """Set the state that `state` returned, and continue bit for bit."""
 
 
 class Info(NamedTuple):
@@ -74,7 +81,7 @@ class Info(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Result of a step of all vehicles.
+    """Result of a control step of N vehicles.
 
     Attributes:
         obs: Observations to act on next (N, O); of the new episode if one ended.  O is 36 times

@@ -48,7 +48,10 @@ ENCODING = Encoding(
 
 
 def encoding(settings: Settings) -> Encoding:
-    """Return the encoding of stacked observations (O,) as network input; O is 36 times `Settings.history`."""
+    """Return the encoding that scales stacked observations (O,) to network input.
+
+    O is 36 `Settings.history`.
+    """
     times = settings.history
     return Encoding(np.tile(ENCODING.scale, times), np.tile(ENCODING.fades, times))
 
@@ -64,7 +67,10 @@ def sigmas(noise: Noise) -> Array:
 
 
 def bounds(settings: Settings) -> tuple[Array32, Array32]:
-    """Return the least and greatest values (O,) of the stacked observations, the limits of the sensors."""
+    """Return the least and the greatest values of the stacked observations, (O,) each.
+
+    They are the limits of the sensors.
+    """
     low, high = _limits(settings)
     return np.tile(low, settings.history), np.tile(high, settings.history)
 
@@ -85,7 +91,7 @@ def _limits(settings: Settings) -> tuple[Array32, Array32]:
 
 
 def senses(settings: Settings, vehicle: Vehicle) -> Senses:
-    """Return the sensors of a vehicle under the settings, as the kernels take them."""
+    """Return the sensors of a vehicle under the settings, as arrays for the kernels."""
     return Senses(
         np.stack(_limits(settings)),
         beams(settings.sonar, vehicle.hull),
@@ -100,11 +106,11 @@ def senses(settings: Settings, vehicle: Vehicle) -> Senses:
 def observe_kernel(
     senses: Senses, motion: Motion, scenes: Scenes, k: int, noise: Array, out: Array32
 ) -> float:
-    """Write the observation of vehicle `k`; return its shortest sonar range without noise [m].
+    """Write the observation of vehicle `k` to `out`; return its shortest sonar range without noise [m].
 
     Args:
         senses: Sensors.
-        motion: Motion; the rotation must match the pose.
+        motion: Motion of all vehicles; the rotation must match the pose.
         scenes: Targets and pillars.
         k: Index of the vehicle.
         noise: Noise added to each observation (36,); overwritten by the noisy observation before clipping.

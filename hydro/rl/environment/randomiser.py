@@ -29,7 +29,7 @@ PAYLOAD_OFFSET = 0.5
 
 
 class Draw(NamedTuple):
-    """Vehicle, biases and delays of one episode.
+    """Random differences of one episode: vehicle, biases and delays.
 
     Attributes:
         vehicle: The vehicle with the water's current; None if nothing differs from the vehicle file.
@@ -45,7 +45,7 @@ class Draw(NamedTuple):
 
 
 class Randomiser:
-    """Generator of the vehicles, biases and delays of a fleet's episodes."""
+    """Generator of random vehicles, sensor biases and delays for a fleet's episodes."""
 
     def __init__(
         self, settings: Settings, vehicle: Vehicle, observations: int, estimates: Estimates | None = None
@@ -72,11 +72,11 @@ class Randomiser:
 
     @property
     def latest(self) -> tuple[int, int]:
-        """Return the greatest delays that can be drawn, of sensors and of commands [control steps]."""
+        """Greatest delays that can be drawn, of sensors and of commands [control steps]."""
         return self._steps(self.given.delay), self._steps(self.given.late)
 
     def draw(self, seed: int, number: int, episode: int, current: Array) -> Draw:
-        """Draw vehicle, biases and delays of one episode.
+        """Return random vehicle, biases and delays for one episode.
 
         Args:
             seed: Seed of the fleet.

@@ -1,4 +1,4 @@
-"""Terms whose sum is the reward of one control step; a task chooses their weights.
+"""Terms whose sum is the reward of one control step (Wu et al., eq. 8); a task chooses their weights.
 
 Equation 8 of the paper has `shaping`, `posture`, `obstacle_cost`, `effort_cost`, success and collision.
 Tasks that hold or follow add `distance_cost`; docking adds `alignment` and `speed_cost`.
@@ -36,7 +36,10 @@ SLOWER = 0.5  # slope of the allowed speed with the distance to a dock [1/s]
 
 @functools.lru_cache(maxsize=64)
 def weights(reward: Reward) -> Array:
-    """Return the weights as a read-only array (WEIGHTS,) of numbers, at the indices SHAPING to HASTE."""
+    """Return the weights of the reward's terms as a read-only array, (WEIGHTS,).
+
+    The indices are SHAPING to HASTE.
+    """
     array = np.array(dataclasses.astuple(reward), dtype=np.float64)
     array.flags.writeable = False
     return array
@@ -56,10 +59,11 @@ def shaping(w: Array, before: float, after: float) -> float:
 
 @kernel
 def posture(w: Array, R: Array, x: float, y: float) -> float:
-    """Return the sum of the heading and the upright reward, each its weight times (cos(angle) + 1) / 2.
+    """Return the reward for the attitude: for pointing at the target plus for being upright.
 
-    The heading term takes the horizontal angle between the bow and the target; it is 0 close to the target.
-    The upright term takes the angle between the body's z axis and the vertical.
+    Each is its weight times (cos(angle) + 1) / 2.  The heading term takes the horizontal angle between the
+    bow and the target; it is 0 close to the target. The upright term takes the angle between the body's z
+    axis and the vertical.
 
     Args:
         w: Weights from `weights`.
@@ -76,7 +80,7 @@ def posture(w: Array, R: Array, x: float, y: float) -> float:
 
 @kernel
 def obstacle_cost(w: Array, least: float) -> float:
-    """Return the cost of an obstacle's distance: exponential from `near` to `far`, constant within `near`.
+    """Return the cost of being close to an obstacle: constant within `near`, then exponential to `far`.
 
     Args:
         w: Weights from `weights`, with the distances `near` and `far` [m] of `world.config.Reward`.
@@ -122,7 +126,7 @@ def distance_cost(w: Array, away: float) -> float:
 
 @kernel
 def alignment(w: Array, R: Array, away: float) -> float:
-    """Return the reward for a bow to the north, its weight times (cos(heading) + 1) / 2, near the dock.
+    """Return the reward near the dock for a bow to the north: its weight times (cos(heading) + 1) / 2.
 
     Args:
         w: Weights from `weights`, with the distance `close` [m] beyond which the reward is 0.
@@ -134,8 +138,14 @@ def alignment(w: Array, R: Array, away: float) -> float:
 
 @kernel
 def speed_cost(w: Array, speed: float, allowed: float, away: float) -> float:
-    """Return the cost of the part of a speed [m/s] above the limit at a distance `away` [m] from the dock.
+    """Return the cost of a speed above the limit near the dock: a weight times the excess [m/s].
 
     The limit is `allowed` [m/s] at the dock and rises by SLOWER for each metre of distance.
+
+    Args:
+        w: Weights from `weights`.
+        speed: Speed over ground [m/s].
+        allowed: Limit at the dock [m/s].
+        away: Distance from the dock [m].
     """
     return float(w[HASTE] * max(0.0, speed - allowed - SLOWER * away))

@@ -19,7 +19,7 @@ Point = tuple[float, float, float]
 
 
 def beams(sonar: Sonar, hull: Hull) -> Array:
-    """Return origin and direction of every beam, from port to starboard.
+    """Return origin and direction of every beam of the sonar in the body, from port to starboard.
 
     The beams point away from the hull's centre, level in the body, and start at its surface.  A range is
     therefore the distance to a contact.
@@ -93,7 +93,13 @@ def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Arr
 
 @kernel
 def displaced(point: Point, R: Array, vector: Array) -> tuple[float, float, float]:
-    """Return a point (3,), NED [m], moved by a vector in body axes (3,) [m]; R (9,) rotates body to NED."""
+    """Return a point moved by a vector in body axes, NED [m].
+
+    Args:
+        point: North, east and down of the point [m].
+        R: Rotation from body to NED, flat (9,).
+        vector: Displacement in body axes (3,) [m].
+    """
     x, y, z = vector[0], vector[1], vector[2]
     return (
         point[0] + R[0] * x + R[1] * y + R[2] * z,

@@ -68,7 +68,7 @@ class StableBaselinesEnv(VecEnv):
         return self._seen(seen)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Store the actions (N, 6) of the next step."""
+        """Store the actions (N, 6) for the next call of `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Array32, Array32, Mask, list[dict[str, Any]]]:
@@ -105,7 +105,13 @@ class StableBaselinesEnv(VecEnv):
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Set an attribute of the environment, which all vehicles share."""
+        """Set an attribute of the environment, which all vehicles share.
+
+        Args:
+            attr_name: Name of the attribute.
+            value: Its new value.
+            indices: Not used.
+        """
         setattr(self, attr_name, value)
 
     def env_method(

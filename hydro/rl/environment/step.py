@@ -57,7 +57,7 @@ POWER = 1.5  # exponent of an ideal propeller's power as a function of its thrus
 
 
 def make_rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
-    """Return the constants that decide collisions, excess speed and energy.
+    """Return the constants by which collisions, excess speed and energy of a control step are determined.
 
     Args:
         settings: Settings of the environment.
@@ -72,14 +72,14 @@ def make_rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
 def sense_kernel(
     mask: Mask, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
-    """Compute the observations of the vehicles of a mask.
+    """Write the observations of the vehicles of a mask to `out`.
 
     Args:
         mask: Vehicles (N,).
         senses: Sensors.
-        motion: Motion; the rotation is written.
-        scenes: Tasks.
-        noise: Standard normal (N, 36); overwritten.
+        motion: Motion of all vehicles; the rotation is written.
+        scenes: Tasks of all vehicles.
+        noise: Standard normal random numbers (N, 36); overwritten.
         nearest: Shortest sonar range without noise (N,) [m], written.
         out: Observations (N, 36), written.
     """
@@ -128,7 +128,7 @@ def power_share(table: Array, thrust: Array) -> float:
 
 @kernel
 def distance(goal: Array, pose: Array) -> float:
-    """Return the distance from a pose (7,) to a goal (3,) [m]."""
+    """Return the distance [m] from a pose (7,), which begins with the position, to a goal (3,)."""
     x, y, z = goal[0] - pose[0], goal[1] - pose[1], goal[2] - pose[2]
     return math.sqrt(x * x + y * y + z * z)
 
@@ -247,7 +247,7 @@ def within_limits(ends: Array, pose: Array, velocity: Array, away: float) -> boo
 
 @kernel
 def root_mean_square(totals: Array, ends: Array) -> float:
-    """Return the root mean square distance from the goal since the settling time [m].
+    """Return the root mean square distance from the goal since the settling time of an episode [m].
 
     It is infinite before the settling time, and in tasks that arrive.
 

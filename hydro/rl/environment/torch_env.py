@@ -20,9 +20,9 @@ OUTCOMES = ("success", "collision", "diverged")
 
 
 class Batch(EnvBase):  # type: ignore[misc]
-    """N vehicles as one TorchRL environment with a fixed batch size, on CPU or GPU.
+    """TorchRL environment of N vehicles with a fixed batch size, on CPU or GPU.
 
-    Input: `action` (N, 6), the demanded wrench as shares of the limits.  Output: `observation` (N, O) of O
+    Input: `action` (N, 6), the demanded wrench as fractions of the limits.  Output: `observation` (N, O) of O
     numbers each, and (N, 1) each: `reward`, `done`, `terminated`, `truncated`, `success`, `collision` and
     `diverged`.
     """
@@ -46,21 +46,21 @@ class Batch(EnvBase):  # type: ignore[misc]
 
     @staticmethod
     def reset_mask(tensordict: TensorDictBase | None) -> torch.Tensor | None:
-        """Return the mask of vehicles to reset (N,); None for all."""
+        """Return the mask of vehicles to reset (N,) that TorchRL passes; None for all vehicles."""
         if tensordict is None or "_reset" not in tensordict.keys():  # noqa: SIM118  a tensordict iterates rows
             return None
         mask: torch.Tensor = tensordict["_reset"].reshape(-1)
         return mask
 
     def reset_output(self, observation: torch.Tensor) -> TensorDict:
-        """Return the output of a reset: observations (N, O), and flags that are all False."""
+        """Return the output of TorchRL's reset: observations (N, O), and flags that are all False."""
         nothing = torch.zeros(len(observation), 1, dtype=torch.bool, device=self.device)
         flags = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
         return TensorDict({"observation": observation, **flags}, self.batch_size, device=self.device)
 
 
 class FleetEnv(Batch):
-    """Environment of a fleet on the processor; a vehicle whose episode has ended waits for a reset."""
+    """TorchRL environment of a fleet on the CPU; a vehicle whose episode has ended waits for a reset."""
 
     def __init__(self, fleet: Fleet) -> None:
         """Wrap a fleet; the caller sets its task and level."""

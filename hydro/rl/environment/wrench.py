@@ -14,10 +14,10 @@ from hydro.sim.residual.control import NOISELESS
 
 @dataclass(frozen=True)
 class WrenchSettings:
-    """Settings of the wrench of a residual network.
+    """Settings of the wrench that a residual network adds in a training.
 
     Attributes:
-        lead: Time by which the network is evaluated ahead, as a share of the control step.  Half a step
+        lead: Time by which the network is evaluated ahead, as a fraction of the control step.  Half a step
             centres the held wrench in the interval in which it acts; Wu et al. state no lead, that is 0.
         ratio: q dt^3 / R of the filter that estimates the body acceleration nu_dot, with the jerk density q,
             the sample time dt and the noise variance R.  Above 1 the filter follows every sample.
@@ -52,11 +52,11 @@ class WrenchSettings:
                 raise UsageError(f"wrench.{name} is {value:g}; give 0 or more")
 
     def design(self, period: float) -> Design:
-        """Return the design of the filter for the acceleration nu_dot, at a control step `period` [s]."""
+        """Return the settings of the filter that estimates accelerations, with steps of `period` [s]."""
         return Design(period, (self.ratio,) * 6, (0.0,) * 6)
 
     def conditioning(self, name: str, vehicle: Vehicle) -> Conditioning:
-        """Return the low-pass and limits of a network's wrench: a preset, changed by the values given here.
+        """Return the low-pass and limits of a network's wrench: a preset with the changes of these settings.
 
         Args:
             name: Name of the preset.

@@ -162,7 +162,7 @@ class GpuFleet:
         """Begin the next episode of the vehicles of a mask (N,), or of all vehicles if it is None.
 
         Returns:
-            The attribute `observations` of all vehicles (N, 36), rewritten in place.
+            Observations of all vehicles (N, 36): the attribute `observations`, rewritten in place.
         """
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
@@ -172,13 +172,15 @@ class GpuFleet:
         return self.observations
 
     def step(self, actions: Tensor) -> Tensor:
-        """Simulate one control step; the attributes `reward` and `flags` then hold its outcome.
+        """Simulate one control step of all vehicles.
+
+        The attributes `reward` and `flags` then hold its outcome.
 
         Args:
             actions: Actions (N, 6), clipped to [-1, 1]; a vehicle with an action that is not finite diverges.
 
         Returns:
-            The attribute `observations` of all vehicles (N, 36), rewritten in place.
+            Observations of all vehicles (N, 36): the attribute `observations`, rewritten in place.
         """
         kernels = self._kernels
         self._demands.copy_(actions)

@@ -24,7 +24,7 @@ class Pool(NamedTuple):
 
     Attributes:
         poses: Initial poses (S, 7), see `sim.plant.Plant`.
-        goals: (S, 3), NED [m].
+        goals: Positions of the goals (S, 3), NED [m].
         pillars: x y of the pillars' axes (S, P, 2) [m], NaN in unused rows.
     """
 
@@ -37,9 +37,9 @@ class Starts(NamedTuple):
     """Vehicles that begin an episode, and their initial poses.
 
     Attributes:
-        mask: Vehicles that begin (N,).
-        episode: Number of each vehicle's episode (N,); -1 before the first.
-        pose: Initial poses (N, 7), written.
+        mask: Whether each of N vehicles begins, (N,).
+        episode: Number of each vehicle's episode, (N,); -1 before the first.
+        pose: Initial poses, which a kernel writes, (N, 7): position x y z [m], NED, and quaternion w x y z.
     """
 
     mask: Mask
@@ -48,7 +48,13 @@ class Starts(NamedTuple):
 
 
 class Allocation(NamedTuple):
-    """Thruster allocation; see `environment.action.allocate`."""
+    """Constants that convert the actions of policies to commands of n thrusters.
+
+    Attributes:
+        allocation: Pseudo-inverse of the matrix that maps thrusts to a wrench, (n, 6).
+        table: Table of `core.vehicle.thrusters`, one row per thruster, (n, columns).
+        authority: Greatest wrench on each axis alone, (6,) [N, N m]; 0 on an axis without authority.
+    """
 
     allocation: Array
     table: Array
@@ -56,14 +62,19 @@ class Allocation(NamedTuple):
 
 
 class Demands(NamedTuple):
-    """Actions (N, 6), clipped in place, and the thruster commands (N, n) computed from them."""
+    """Actions of N vehicles, and the commands of their n thrusters that a kernel computes from them.
+
+    Attributes:
+        actions: Demanded wrenches as fractions of the authority, clipped to [-1, 1] in place, (N, 6).
+        commands: Thruster commands in [-1, 1], (N, n).
+    """
 
     actions: Array
     commands: Array
 
 
 class View(NamedTuple):
-    """Observations and their noise.
+    """Output of the observation kernel, with the mask and the noise that it reads.
 
     Attributes:
         mask: Vehicles to observe (N,).
@@ -122,7 +133,15 @@ def command(crew: Allocation, demands: Demands) -> None:
 
 @cuda.jit  # type: ignore[untyped-decorator]
 def observe(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
-    """Compute the observations of the vehicles of a mask."""
+    """Write the observations of the vehicles of a mask, one thread per vehicle.
+
+    Args:
+        senses: Sensors.
+        motion: Motion of all vehicles; the rotation is written.
+        scenes: Tasks of all vehicles.
+        episodes: State of all episodes; the nearest range is written.
+        view: Mask, noise and the observations to write.
+    """
     k = cuda.grid(1)
     if k < view.mask.size and view.mask[k]:
         sense(k, senses, motion, scenes, view.noise[k], episodes.nearest, view.out)

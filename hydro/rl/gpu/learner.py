@@ -29,7 +29,10 @@ WARM_UP = 3
 
 
 class Captured:
-    """Update of the networks recorded as one CUDA graph, which saves the time of hundreds of launches."""
+    """Update of the networks, recorded as one CUDA graph; a call runs the update on a batch.
+
+    The graph saves the time of hundreds of kernel launches.
+    """
 
     def __init__(
         self, work: Callable[[TensorDict], Losses], batch: TensorDict, generator: torch.Generator
@@ -48,12 +51,12 @@ class Captured:
 
 
 class DeviceLearner:
-    """Learner of a policy in a batched environment.
+    """Soft actor-critic learner of a policy in a batched environment, all on one device.
 
     Attributes:
         env: The environment.
         steps: Control steps of all vehicles so far.
-        updates: Updates so far.
+        updates: Updates of the networks so far.
     """
 
     def __init__(self, env: Batch, encoding: Encoding, config: SACConfig, seed: int) -> None:
@@ -88,12 +91,15 @@ class DeviceLearner:
         self._now = env.reset()
 
     def encoded(self, observations: Tensor) -> Tensor:
-        """Return the network input for observations (..., O); see `environment.encoding`."""
+        """Return observations in SI units (..., O), scaled to network input (..., O).
+
+        See `environment.encoding`.
+        """
         return encoded(observations, self._scale, self._fades)
 
     @torch.no_grad()
     def advance(self) -> None:
-        """Simulate one control step with sampled actions, then run the updates of the networks."""
+        """Simulate one control step with actions of the policy, then run the updates of the networks."""
         seen = self._now["observation"]
         actions = self._explored(seen)
         done, self._now = self.env.step_and_maybe_reset(self._now.set("action", actions))
@@ -159,7 +165,7 @@ class DeviceLearner:
 
     @torch.no_grad()
     def success(self, env: Batch, steps: int) -> float:
-        """Return the share of vehicles that reach their goal in one episode each, without exploration.
+        """Return the fraction of vehicles that reach their goal in one episode each, without exploration.
 
         The moving average of the policy acts.
 
@@ -180,7 +186,11 @@ class DeviceLearner:
         return float(arrived.float().mean())
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """Return the moving average of the policy, with a description of its training."""
+        """Return a `Policy` with the moving average of the weights in training.
+
+        Args:
+            training: Description of the training, stored with the policy.
+        """
         learnt = self._average.state_dict().items()
         weights = {name: each.cpu().numpy().copy() for name, each in learnt}
         return Policy(self.config.layers, self._encoding, weights, training)

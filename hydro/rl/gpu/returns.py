@@ -12,7 +12,19 @@ from hydro.rl.training.returns import Window
 
 
 class Transition(NamedTuple):
-    """Transition of N vehicles, of one step or n steps; see `training.returns.Transition`."""
+    """Transition of N vehicles over one or more control steps, on the GPU.
+
+    Each vehicle has O observations and A action components.
+
+    Attributes:
+        observations: Observations before the transition (N, O).
+        actions: Actions of the first step (N, A).
+        rewards: Discounted sum of the rewards (N,).
+        terminated: Whether the episode terminated (N,).
+        ended: Whether the episode terminated or was truncated (N,).
+        following: Observations after the transition, before any new episode (N, O).
+        steps: Number of steps (N,).
+    """
 
     observations: Tensor
     actions: Tensor
@@ -24,7 +36,7 @@ class Transition(NamedTuple):
 
 
 class Horizon(Window[Transition]):
-    """Window of n-step returns for tensors."""
+    """Window over the last n steps that combines tensors into n-step transitions."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
         """Combine the first step with the later ones of its episode into one n-step transition."""

@@ -14,9 +14,9 @@ HASTE = 0.1
 
 
 class Docking(Task):
-    """Arrival at a dock with a given pose, and below a speed limit.
+    """Task: arrive at a dock level, with the bow to the north, and below a speed limit.
 
-    Observations do not contain the heading of the dock, so it is the same for all: level, bow to the north.
+    Observations do not contain the heading of the dock, so all docks have the same.
     """
 
     name = "docking"
@@ -45,6 +45,6 @@ class Docking(Task):
         return replace(given, heading=half, alignment=half, haste=HASTE)
 
     def ends(self, settings: Settings) -> Ends:
-        """Return end conditions that also limit tilt, speed and angular velocity at the dock."""
+        """Return the end conditions, which also limit tilt, speed and angular velocity at the dock."""
         given = settings.docking
         return Ends(self.steps(settings), given.within, given.tilt, given.speed, given.turning)

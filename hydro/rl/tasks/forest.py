@@ -1,4 +1,4 @@
-"""Forest task: pillars at random and a planned path; the third stage of the curriculum."""
+"""Forest task: fly through pillars at random places along a planned path; third stage of the curriculum."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TRIES = 200  # greatest number of forests drawn until one meets all conditions
 
 
 class Forest(Task):
-    """Pillars at random places between both ends of the tank, with a planned path.
+    """Task: fly through pillars at random places between both ends of the tank, along a planned path.
 
     A path that keeps the full margin of the planner exists, and a pillar blocks the straight line.
     """
@@ -27,9 +27,14 @@ class Forest(Task):
     patience = 2.0
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with start and goal at the ends of the tank and a random forest of pillars.
+        """Return a random scene with start and goal at the ends of the tank and a forest of pillars.
 
         A path with the planner's full margin exists, and a pillar blocks the straight line.
+
+        Args:
+            settings: Sizes of tank, course and forest.
+            level: Number of pillars; 0 gives open water.
+            rng: Generator of the random numbers.
 
         Raises:
             UsageError: No such forest was found.
@@ -54,7 +59,7 @@ class Forest(Task):
         )
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of the reward's terms, with the costs of being close to obstacles."""
+        """Return the weights of the reward's terms, including the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 

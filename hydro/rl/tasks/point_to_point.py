@@ -9,10 +9,16 @@ from hydro.rl.world.config import Settings
 
 
 class PointToPoint(Task):
-    """Random start, heading and goal in open water."""
+    """Task: reach a random goal in open water from a random start and heading."""
 
     name = "point_to_point"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with random start, heading and goal."""
+        """Return a random scene without pillars: start, heading and goal.
+
+        Args:
+            settings: Sizes of tank and course.
+            level: Not used.
+            rng: Generator of the random numbers.
+        """
         return open_water(settings, rng)

@@ -1,4 +1,4 @@
-"""Registry of tasks by name, and the stages of the curriculum (paper III-D)."""
+"""Registry of tasks by name, and the stages of the curriculum (Wu et al., section III-D)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pillar-row task: pillars on alternating sides of a straight course; a path around all is allowed."""
+"""Pillar-row task: pillars on alternating sides of a straight course; the vehicle may go around them all."""
 
 from __future__ import annotations
 
@@ -10,16 +10,21 @@ from hydro.rl.world.config import Reward, Settings
 
 
 class PillarRow(Task):
-    """Row of pillars between start and goal, as many as the level; the vehicle may go around the row."""
+    """Task: pass a row of pillars, as many as the level, or go around the row."""
 
     name = "pillar_row"
     levels = "pillars"
     most = 8
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with pillars at equal distances along a course, on alternating sides of it.
+        """Return a random scene with pillars at equal distances, on alternating sides of a course.
 
         The course leads north or south along the tank.
+
+        Args:
+            settings: Sizes of tank, course and row.
+            level: Number of pillars; 0 gives open water.
+            rng: Generator of the random numbers.
         """
         if level == 0:
             return open_water(settings, rng)
@@ -41,12 +46,12 @@ class PillarRow(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of the reward's terms, with the costs of being close to obstacles."""
+        """Return the weights of the reward's terms, including the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 
 def course(settings: Settings, pillars: int) -> float:
-    """Return the least length [m] of a course past `pillars` pillars, with the settings' spacing; 0 for none.
+    """Return the least length of a course past `pillars` pillars, with the settings' spacing [m]; 0 for none.
 
     Raises:
         UsageError: The course is longer than the tank.

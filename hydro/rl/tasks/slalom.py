@@ -11,7 +11,10 @@ from hydro.rl.world.config import Reward, Settings
 
 
 class Slalom(Task):
-    """Baffles of pillars, alternately from both long walls, each past the middle of the tank."""
+    """Task: pass baffles (walls of pillars) that start alternately from both long walls of the tank.
+
+    Each baffle reaches past the middle of the tank.
+    """
 
     name = "slalom"
     levels = "baffles"
@@ -19,7 +22,12 @@ class Slalom(Task):
     patience = 2.0
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with baffles across a course north or south, at random distances.
+        """Return a random scene with baffles across a course to north or south, at random distances.
+
+        Args:
+            settings: Sizes of tank, course and baffles.
+            level: Number of baffles; 0 gives open water.
+            rng: Generator of the random numbers.
 
         Raises:
             UsageError: The tank is too short for that many baffles.
@@ -51,7 +59,7 @@ class Slalom(Task):
         return along(settings, ends, pillars, south, rng)
 
     def reward(self, settings: Settings) -> Reward:
-        """Return the weights of the reward's terms, with the costs of being close to obstacles."""
+        """Return the weights of the reward's terms, including the costs of being close to obstacles."""
         return with_obstacles(self, settings)
 
 

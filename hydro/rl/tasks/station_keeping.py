@@ -16,12 +16,18 @@ HOLD = 0.05
 
 
 class StationKeeping(Task):
-    """Station in open water that the vehicle holds in a current until the end of the episode."""
+    """Task: hold a position in open water against a current until the end of the episode."""
 
     name = "station_keeping"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with a random station, current, and start nearby."""
+        """Return a random scene: position to hold, current, and a start nearby.
+
+        Args:
+            settings: Sizes of tank and current.
+            level: Not used.
+            rng: Generator of the random numbers.
+        """
         world, station = settings.world, settings.station
         size = np.array([world.length, world.width, world.depth])
         margin = settings.task.margin
@@ -38,6 +44,9 @@ class StationKeeping(Task):
         return replace(super().reward(settings), hold=HOLD, heading=0.0)
 
     def ends(self, settings: Settings) -> Ends:
-        """Return the end conditions: the root mean square error after the settling time decides success."""
+        """Return the end conditions of an episode.
+
+        The root mean square error after the settling time decides success.
+        """
         station = settings.station
         return Ends(self.steps(settings), station.within, settling=station.settling / settings.period)

@@ -1,4 +1,4 @@
-"""Base class of tasks: a scene per episode, the weights of its reward, and its end conditions.
+"""Base class of tasks: random scene of an episode, weights of its reward, and its end conditions.
 
 A task has no state.  Its scene depends only on the seed, the index of the vehicle and the number of its
 episode.  Thus the same scenes can be flown in the MuJoCo model and in the reference simulator.
@@ -43,7 +43,7 @@ class Scene(NamedTuple):
 
     @property
     def goal(self) -> Array:
-        """Return the initial position of the goal (3,), NED [m]."""
+        """Initial position of the goal (3,), NED [m]."""
         return np.asarray(self.course[0])
 
 
@@ -51,8 +51,8 @@ class Ends(NamedTuple):
     """End of an episode, and the limits of success.
 
     A task that arrives succeeds and ends at the first step within all limits, and fails after `steps` steps.
-    A task that holds or follows runs for `steps` steps, and succeeds if the root mean square distance to the
-    target is at most `radius`.
+    A task that holds or follows a point runs for `steps` steps, and succeeds if the root mean square distance
+    to the point is at most `radius`.
 
     Attributes:
         steps: Greatest number of control steps.
@@ -73,7 +73,7 @@ class Ends(NamedTuple):
 
 
 class Task(ABC):
-    """Task of an episode; a new task is a class in its own file and an entry in `registry`.
+    """Base class of a task; a new task is a class in its own file and an entry in `registry`.
 
     Attributes:
         name: Name of the task.
@@ -92,23 +92,32 @@ class Task(ABC):
 
     @abstractmethod
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a random scene of one episode; level 0 is open water if the task has levels."""
+        """Return a random scene of one episode.
+
+        Args:
+            settings: Sizes of tank and course.
+            level: Difficulty, such as the number of pillars; 0 is open water if the task has levels.
+            rng: Generator of the random numbers.
+        """
 
     def lead(self, settings: Settings) -> float:
-        """Return how far ahead in time the observation's target is, compared with the goal [s]."""
+        """Return the time by which the target in the observation is ahead of the moving goal [s]."""
         return 0.0
 
     def reward(self, settings: Settings) -> Reward:
         """Return the weights of the terms of `rl.environment.reward`.
 
-        The default removes the costs of being close to obstacles, because there are none.  It scales the
-        reward of success with the time limit, because a longer episode leaves more time for loitering.
+        The default removes the costs of being close to obstacles, because there are none.  The reward of
+        success is multiplied by `patience`, because a longer episode leaves more time for loitering.
         """
         given = settings.reward
         return replace(given, obstacle=0.0, near=0.0, success=self.patience * given.success)
 
     def ends(self, settings: Settings) -> Ends:
-        """Return the end conditions; by default success within `settings.task.radius` of the goal."""
+        """Return the end conditions of an episode.
+
+        By default success within `settings.task.radius` of the goal.
+        """
         return Ends(self.steps(settings), settings.task.radius)
 
     def steps(self, settings: Settings) -> int:
@@ -133,12 +142,18 @@ def with_obstacles(task: Task, settings: Settings) -> Reward:
 
 
 def generator(seed: int, vehicle: int, episode: int) -> np.random.Generator:
-    """Return the random generator for the scene of one episode of one vehicle of a fleet."""
+    """Return the random generator of the scene for one episode of one vehicle of a fleet.
+
+    Args:
+        seed: Seed of the fleet.
+        vehicle: Index of the vehicle.
+        episode: Number of the episode.
+    """
     return np.random.default_rng([seed, vehicle, episode])
 
 
 def open_water(settings: Settings, rng: np.random.Generator) -> Scene:
-    """Return a scene without pillars; the goal lies at a random distance and direction from the start."""
+    """Return a random scene without pillars; the goal is at a random place relative to the start."""
     task, world = settings.task, settings.world
     low = np.full(3, task.margin)
     high = np.array([world.length, world.width, world.depth]) - task.margin
@@ -158,7 +173,7 @@ def depths(settings: Settings, rng: np.random.Generator) -> tuple[float, float]:
 
 
 def along(settings: Settings, ends: Array, pillars: Array, south: bool, rng: np.random.Generator) -> Scene:
-    """Make the scene of a course along the tank.
+    """Return a scene whose course leads along the tank, from one end to the other.
 
     Args:
         settings: Greatest angle between the course and the initial heading.
@@ -173,5 +188,5 @@ def along(settings: Settings, ends: Array, pillars: Array, south: bool, rng: np.
 
 
 def nowhere() -> Array:
-    """Return an empty array of pillars (0, 2)."""
+    """Return an array of pillars without any row, (0, 2)."""
     return np.empty((0, 2))

@@ -17,7 +17,10 @@ START_DISTANCE = 0.5  # greatest distance of the start from the point [m]
 
 
 class Trajectory(Task):
-    """Point to follow at constant speed; the target in the observation is its future position."""
+    """Task: follow a point that moves at constant speed along a figure.
+
+    The target in the observation is the future position of the point.
+    """
 
     patience = 2.0
 
@@ -27,12 +30,21 @@ class Trajectory(Task):
 
         A figure is closed if its last corner lies next to the first; otherwise the point returns the same
         way.
+
+        Args:
+            settings: Sizes of tank and figure.
+            rng: Generator of the random numbers.
         """
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with a random figure, position and speed; the vehicle starts near the moving point.
+        """Return a random scene: figure, its position and speed; the vehicle starts near the moving point.
 
         Its bow points about along the figure.
+
+        Args:
+            settings: Sizes of tank and figure.
+            level: Not used.
+            rng: Generator of the random numbers.
         """
         world, task = settings.world, settings.task
         corners = self.figure(settings, rng)
@@ -72,7 +84,10 @@ class Trajectory(Task):
         return bool(np.linalg.norm(corners[-1] - corners[0]) < 2.0 * step)
 
     def lead(self, settings: Settings) -> float:
-        """Return the lead of the target at which a proportional controller keeps up with the point [s]."""
+        """Return the time by which the target is ahead of the moving point [s].
+
+        With this time a proportional controller keeps up with the point.
+        """
         return settings.trajectory.lead
 
     def reward(self, settings: Settings) -> Reward:
@@ -80,7 +95,10 @@ class Trajectory(Task):
         return replace(super().reward(settings), hold=HOLD)
 
     def ends(self, settings: Settings) -> Ends:
-        """Return the end conditions: the root mean square error after the settling time decides success."""
+        """Return the end conditions of an episode.
+
+        The root mean square error after the settling time decides success.
+        """
         given = settings.trajectory
         return Ends(self.steps(settings), given.within, settling=given.settling / settings.period)
 
@@ -93,22 +111,22 @@ def _circle(settings: Settings, rng: np.random.Generator) -> Array:
 
 
 class Circle(Trajectory):
-    """Horizontal circle."""
+    """Task: follow a point along a horizontal circle."""
 
     name = "circle"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Return one round (CORNERS, 3) about the origin, NED [m], with a random radius."""
+        """Return one round of a circle with random radius about the origin, (CORNERS, 3), NED [m]."""
         return _circle(settings, rng)
 
 
 class Helix(Trajectory):
-    """Helix down or up through the water, and back."""
+    """Task: follow a point along a helix down or up through the water, and back."""
 
     name = "helix"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Return two rounds of a circle between depths that fit into the tank (CORNERS, 3), NED [m]."""
+        """Return two rounds of a helix between depths that fit into the tank, (CORNERS, 3), NED [m]."""
         round_ = _circle(settings, rng)[::2]
         twice = np.vstack([round_, round_])
         room = settings.world.depth - 2.0 * settings.task.margin
@@ -119,12 +137,12 @@ class Helix(Trajectory):
 
 
 class Lemniscate(Trajectory):
-    """Horizontal figure of eight: the lemniscate of Gerono."""
+    """Task: follow a point along a horizontal figure of eight, the lemniscate of Gerono."""
 
     name = "lemniscate"
 
     def figure(self, settings: Settings, rng: np.random.Generator) -> Array:
-        """Return one round, with its long axis along the tank (CORNERS, 3), NED [m]."""
+        """Return one round of the lemniscate, long along the tank, (CORNERS, 3), NED [m]."""
         angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         half = rng.uniform(*settings.trajectory.half)
         return np.column_stack(

@@ -12,7 +12,7 @@ from hydro.rl.world.config import Reward, Settings
 
 
 class WaypointCourse(Task):
-    """Course through waypoints in order; the next waypoint becomes the goal when the vehicle is near enough.
+    """Task: pass waypoints in order; the next waypoint becomes the goal when the vehicle is near enough.
 
     A vehicle that steers with fins needs a tank several turning circles wide, see `config.Waypoints`.
     """
@@ -20,7 +20,13 @@ class WaypointCourse(Task):
     name = "waypoints"
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
-        """Return a scene with random waypoints along the tank; the bow points about to the first one."""
+        """Return a random scene with waypoints along the tank; the bow points about to the first waypoint.
+
+        Args:
+            settings: Sizes of tank and course.
+            level: Not used.
+            rng: Generator of the random numbers.
+        """
         course = settings.waypoints
         low, high = limits(settings)
         legs = rng.uniform(*leg_lengths(settings), course.count)
@@ -43,7 +49,7 @@ class WaypointCourse(Task):
         return Scene(points[0], float(heading), np.array(points[1:]), nowhere(), passed=nearness(settings))
 
     def steps(self, settings: Settings) -> int:
-        """Return the number of control steps that the longest course takes at the allowed pace."""
+        """Return the number of control steps for the longest course at the allowed pace."""
         course = settings.waypoints
         return round(course.count * leg_lengths(settings)[1] / course.pace / settings.period)
 
@@ -54,7 +60,10 @@ class WaypointCourse(Task):
         return replace(given, obstacle=0.0, near=0.0, success=times * given.success)
 
     def ends(self, settings: Settings) -> Ends:
-        """Return the end conditions; the last waypoint is reached at the same distance as the others."""
+        """Return the end conditions of an episode.
+
+        The last waypoint is reached at the distance of all waypoints.
+        """
         return Ends(self.steps(settings), nearness(settings))
 
 

@@ -32,7 +32,7 @@ PLANTS: dict[Engine, Simulator] = {engine: name for name, engine in ENGINES.item
 
 @dataclass(frozen=True)
 class Builder:
-    """Factory of the fleets of a training and of its evaluations.
+    """Factory of the fleets of a training and of its evaluations; a call returns a fleet.
 
     Attributes:
         config: Condition, settings and threads.

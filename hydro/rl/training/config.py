@@ -145,7 +145,7 @@ class Curriculum:
 
     @property
     def spare(self) -> int:
-        """Number of episodes that may fail in an examination that passes."""
+        """Number of episodes of an examination that may fail without failing the examination."""
         few = (ok for ok in range(self.window, -1, -1) if ok / self.window < self.share)
         return self.window - next(few) - 1
 
@@ -271,7 +271,7 @@ class TrainingConfig:
 
     @property
     def manner(self) -> Manner:
-        """Tuning of the expert: its margin, pace and firmness."""
+        """Tuning of the expert pilot: its margin, pace and firmness."""
         return Manner(self.margin, self.pace, self.firmness)
 
 

@@ -1,4 +1,4 @@
-"""Progress in a curriculum: open water, slalom, forest with a planned path (paper III-D)."""
+"""Progress in a curriculum: open water, slalom, forest with a planned path (Wu et al., section III-D)."""
 
 from __future__ import annotations
 
@@ -44,15 +44,16 @@ class CurriculumProgress:
 
     @property
     def share(self) -> float:
-        """Success rate of the last training episodes at the current level; 0 before the first.
+        """Success rate of the last training episodes at the current level, 0 to 1.
 
-        An examination leaves this rate unchanged, but empties the window that triggers examinations.
+        0 before the first episode. An examination leaves this rate unchanged, but empties the window that
+        triggers examinations.
         """
         return sum(self._recent) / len(self._recent) if self._recent else 0.0
 
     @property
     def ready(self) -> bool:
-        """Whether the success rate in training triggers an examination."""
+        """Whether the success rate in training is high enough for an examination."""
         full = len(self._window) == self.config.window
         return full and sum(self._window) / self.config.window >= self.config.ready
 
@@ -77,18 +78,18 @@ class CurriculumProgress:
         return passed
 
     def forget(self, level: tuple[str, int]) -> None:
-        """Mark a passed level as not passed, and forget the results of training episodes."""
+        """Mark a passed level as not passed, and discard the results of training episodes."""
         self.passed.remove(level)
         self._window.clear()
         self._recent.clear()
 
     @property
     def ends(self) -> dict[str, int]:
-        """Last level of every task by the task's name, in order."""
+        """Last level of every task, by the task's name, in the order of the tasks."""
         return dict(self.config.levels)
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state by name, for `restore`."""
+        """Return the complete progress by name, for `restore`."""
         return {
             "passed": [list(level) for level in self.passed],
             "window": list(self._window),
@@ -96,7 +97,7 @@ class CurriculumProgress:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Continue from the `state` of this or another curriculum; passed levels stay passed."""
+        """Set the progress that `state` of this or another curriculum returned; passed levels stay passed."""
         self.passed = [(task, level) for task, level in state["passed"]]
         self._window = deque(state["window"], maxlen=self.config.window)
         self._recent = deque(state["recent"], maxlen=self.config.window)

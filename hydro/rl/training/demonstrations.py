@@ -20,7 +20,7 @@ from hydro.rl.training.returns import Transition
 
 
 def demonstrations(fleet: Fleet, manner: Manner = PLAIN) -> Iterator[Transition]:
-    """Fly with the expert for the time limit of one episode, and yield the transition of every step.
+    """Fly with the expert pilot for one episode's time limit, and yield the transition of every control step.
 
     Vehicles that finish early begin further episodes.  The expert follows a planned path, even if the policy
     only observes the goal; the path makes it better near pillars.
@@ -42,7 +42,7 @@ CORRELATION = 50
 
 
 class Disturbed:
-    """Actor with disturbed actions for every other vehicle (Laskey et al. 2017).
+    """Actor whose actions are disturbed at random for every other vehicle (Laskey et al. 2017).
 
     In other water a hull trims and rolls differently than in the simulator of the training.  The disturbances
     show the policy such states.
@@ -71,7 +71,7 @@ class Disturbed:
 
 
 def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[tuple[Array32, Array32]]:
-    """Fly with an actor for the time limit of one episode; yield the expert's action at every state visited.
+    """Fly with an actor for one episode's time limit; yield the expert's actions at the states it visits.
 
     Args:
         fleet: Vehicles that have not flown yet, with task and level set.
@@ -86,18 +86,21 @@ def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[
 
 
 def own_actions(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
-    """Fly with an actor for an episode's time limit; yield observations (N, O) and actions (N, 6) per step.
+    """Fly with an actor for one episode's time limit; yield its observations and actions in every step.
 
     Args:
         fleet: Vehicles that have not flown yet, with task and level set.
         actor: Policy or pilot that flies.
+
+    Yields:
+        For each step the observations (N, O) and the actor's actions (N, 6).
     """
     for observations, _, done, _ in _fly(fleet, actor):
         yield observations, done
 
 
 def mastered(fleet: Fleet) -> float:
-    """Return the share (0 to 1) of vehicles with which the expert succeeds in their first episode.
+    """Return the fraction (0 to 1) of vehicles with which the expert pilot succeeds in the first episode.
 
     Args:
         fleet: Vehicles that have not flown yet, with task and level set.

@@ -1,4 +1,4 @@
-"""Definition of divergence; it was fixed before any run and applies to all.
+"""Divergence of a training: its definition, which was fixed before any run and applies to all.
 
 Divergence of learning: the critic's loss stays above 100 times its running median for 1,000 updates.  Or the
 success rate of evaluations reaches a half or more, then falls to zero and stays there to the end.  Numerical
@@ -35,7 +35,7 @@ class Watch:
         self._best, self._last = 0.0, 1.0
 
     def loss(self, critic: float) -> None:
-        """Record the critic's loss of an update."""
+        """Record the loss of the critics in one update."""
         self.broken |= not math.isfinite(critic)
         self._losses.append(critic)
         if len(self._losses) % EVERY == 0:
@@ -49,7 +49,7 @@ class Watch:
 
     @property
     def collapsed(self) -> bool:
-        """Whether the last evaluation fails completely after one with at least half success."""
+        """Whether the last evaluation has no success at all, after an earlier one with at least half."""
         return self._best >= HALF and self._last == 0.0
 
     @property
@@ -63,11 +63,11 @@ class Watch:
         return next((name for name, holds in found.items() if holds), "")
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state by name, for `restore`."""
+        """Return the complete state of the monitor by name, for `restore`."""
         return {name: value for name, value in vars(self).items() if name != "_losses"} | {
             "_losses": np.array(self._losses, dtype=np.float32)
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Continue from the `state` of a monitor."""
+        """Set the state that `state` of a monitor returned."""
         vars(self).update(state | {"_losses": state["_losses"].tolist()})

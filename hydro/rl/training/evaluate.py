@@ -26,11 +26,11 @@ RARE = ("tracking_error", "alternating")
 
 
 def fly(actor: Actor, fleet: Fleet, spare: int | None = None, *, paths: bool = True) -> pl.DataFrame:
-    """Fly one episode with every vehicle of a fleet that has not flown yet.
+    """Fly one episode with every vehicle of a fleet, and return the results as a table.
 
     Args:
         actor: Policy or pilot.
-        fleet: One vehicle per episode, with task and level set.
+        fleet: One vehicle per episode, with task and level set, that has not flown yet.
         spare: Number of failures allowed; the next failure stops all flights, and unfinished episodes are
             then dropped.  None flies all episodes to their ends.
         paths: Whether to plan the paths of tasks that arrive, for their tracking errors; this takes longer
@@ -96,7 +96,7 @@ def _path_errors(chart: Guidance, flown: Array, lengths: NDArray[np.int64]) -> A
 
 
 def alternating(way: Array, pillars: Array) -> float | None:
-    """Return the share of passed obstacles that were passed on the other side than the previous one.
+    """Return the fraction of passed obstacles that were passed on the other side than the obstacle before.
 
     Pillars with the same north coordinate are one obstacle, a baffle.  The nearest of them decides the side.
 

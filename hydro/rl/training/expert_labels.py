@@ -30,7 +30,7 @@ SPREAD = 0.2
 
 
 class ExpertLabels:
-    """Observations labelled with actions of the expert, for all levels so far."""
+    """Observations labelled with actions of the expert pilot, by level, for imitation."""
 
     def __init__(self) -> None:
         """Start without labels."""
@@ -38,11 +38,11 @@ class ExpertLabels:
 
     @property
     def levels(self) -> list[Level]:
-        """Levels with labels, each a task and a number, in the order of their last addition."""
+        """Levels that have labels, each a pair of task and number, in the order of their last addition."""
         return list(self._labels)
 
     def add(self, level: Level, encoded: Array32, actions: Array32) -> None:
-        """Add encoded observations (K, O) and their expert actions (K, A)."""
+        """Add labels of a level: encoded observations (K, O) and the expert's actions (K, A)."""
         new = torch.from_numpy(encoded), torch.from_numpy(actions)
         old = self._labels.pop(level, None)
         seen, done = new if old is None else (torch.cat(pair) for pair in zip(old, new, strict=True))
@@ -53,7 +53,7 @@ class ExpertLabels:
         self._labels.pop(level, None)
 
     def batches(self, count: int, generator: torch.Generator) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yield `count` random batches of ROWS encoded observations (ROWS, O) and their actions (ROWS, A).
+        """Yield `count` random batches of labels: encoded observations (ROWS, O) and actions (ROWS, A).
 
         Levels are drawn in proportion to their numbers of labels, but the level added last makes up at least
         half.
@@ -69,7 +69,7 @@ class ExpertLabels:
             yield seen[row], done[row]
 
     def state(self) -> list[Any]:
-        """Return the observations and actions of each task and level as a list for a checkpoint."""
+        """Return all labels as a list for a checkpoint: task, level, and packed observations and actions."""
         return [
             [task, level, pack({"observation": seen, "action": done})]
             for (task, level), (seen, done) in self._labels.items()
@@ -88,7 +88,7 @@ class ExpertLabels:
 
 
 def imitate(network: nn.Module, labels: ExpertLabels, batches: int, generator: torch.Generator) -> None:
-    """Train a policy by least squares on labels, with a learning rate that decreases linearly.
+    """Train a policy network in place by least squares on labels, with a linearly decreasing learning rate.
 
     Args:
         network: Policy network from encoded observations to mean and standard deviation of the action before

@@ -25,7 +25,16 @@ NOT_COMPUTED = math.nan
 
 
 class Values(NamedTuple):
-    """Losses of an update, and quantities that describe its state; `training.sac.Losses` defines them."""
+    """Losses of an update of soft actor-critic, and quantities that describe its state; scalars.
+
+    Attributes:
+        critic: Mean squared error of both critics, summed.
+        actor: Mean of alpha log pi - Q, with the policy's density pi and the smaller critic's value Q.
+        temperature: Loss of alpha, the factor of the entropy.
+        alpha: Temperature.
+        entropy: Entropy of the policy on the batch [nats].
+        value: Mean of the smaller critic at the policy's actions.
+    """
 
     critic: Tensor
     actor: Tensor
@@ -36,11 +45,11 @@ class Values(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """Parameters of a linear layer, and of the layer normalisation after it, or their gradients.
+    """Parameters of a linear layer and of the layer normalisation after it, or the gradients of these.
 
     Attributes:
-        weight: (out, in).
-        bias: (out,).
+        weight: Weight of the linear layer (out, in).
+        bias: Its bias (out,).
         scale: Factor of the layer normalisation (out,); None without normalisation.
         shift: Offset of the layer normalisation (out,); None without normalisation.
     """
@@ -68,14 +77,14 @@ class Passed(NamedTuple):
 
 
 class Perceptron:
-    """Linear layers with optional layer normalisation and ReLU between them, with derivatives."""
+    """Multilayer perceptron with ReLU and optional layer normalisation, and its derivatives."""
 
     def __init__(self, layers: Sequence[Layer], gradients: Sequence[Layer] = ()) -> None:
         """Take the layers, and the tensors to which `backward` writes their gradients."""
         self._layers, self._gradients = layers, gradients
 
     def forward(self, x: Tensor) -> tuple[Tensor, list[Passed]]:
-        """Return the output (B, out) at inputs (B, in), and the intermediate results."""
+        """Return the output (B, out) for inputs `x` (B, in), and intermediate results for `backward`."""
         passed: list[Passed] = []
         for weight, bias, scale, shift in self._layers:
             linear = torch.addmm(bias, x, weight.t())
@@ -109,12 +118,12 @@ class Perceptron:
                 back = torch.ops.aten.threshold_backward(back @ layer.weight, at.given, 0.0)
 
     def to_inputs(self, passed: Sequence[Passed], back: Tensor, first: int) -> Tensor:
-        """Return the derivative of the loss with respect to the inputs, without the leading `first` inputs.
+        """Return the derivative of the loss by the inputs, without the first inputs, (B, in - first).
 
         Args:
             passed: Intermediate results of `forward`.
             back: Derivative of the loss with respect to the output (B, out).
-            first: Index of the first input of the result.
+            first: Number of leading inputs to leave out.
         """
         for number in reversed(range(len(self._layers))):
             layer, at = self._layers[number], passed[number]
@@ -135,10 +144,10 @@ def _through_norm(layer: Layer, at: Passed, back: Tensor, *, parameters: bool) -
 
 
 class Sampled(NamedTuple):
-    """Sampled actions and the intermediate results of their derivatives; B observations, A action components.
+    """Actions sampled for B observations, with the intermediate results that `Actor.backward` needs.
 
     Attributes:
-        actions: (B, A).
+        actions: Actions of A components, (B, A).
         density: Log density of the actions (B,).
         passed: Intermediate results of the layers.
         noise: Standard normal (B, A).
@@ -155,7 +164,7 @@ class Sampled(NamedTuple):
 
 
 class Actor:
-    """Policy network with its derivatives."""
+    """Policy network that also computes the gradients of its parameters."""
 
     def __init__(self, network: nn.Module) -> None:
         """Take the layers of `training.policy.network`."""
@@ -169,7 +178,7 @@ class Actor:
         self._pairs = _pairs(layers, gradients)
 
     def sample(self, observations: Tensor, generator: torch.Generator | None) -> Sampled:
-        """Sample actions of the policy at observations (B, O), with all that `backward` needs.
+        """Return sampled actions of the policy at B observations, with all that `backward` needs.
 
         Args:
             observations: Encoded observations (B, O).
@@ -186,7 +195,7 @@ class Actor:
         return Sampled(latent.tanh(), density.sum(-1), passed, noise, scale, biased)
 
     def backward(self, sampled: Sampled, action: Tensor, density: Tensor) -> None:
-        """Set the gradients of the parameters.
+        """Set the gradients (`grad`) of the policy's parameters, given derivatives of the loss.
 
         Args:
             sampled: Result of `sample`.
@@ -203,13 +212,13 @@ class Actor:
             parameter.grad = gradient
 
     def freeze(self) -> None:
-        """Remove the gradients, so that an optimiser leaves the parameters unchanged."""
+        """Remove the gradients of the policy's parameters, so that an optimiser leaves them unchanged."""
         for parameter, _ in self._pairs:
             parameter.grad = None
 
 
 class Critics:
-    """Both critics with their derivatives."""
+    """Two critic networks that also compute the gradients of their parameters."""
 
     def __init__(self, weights: Sequence[Tensor]) -> None:
         """Take the parameters in the order of `training.sac.twin`."""
@@ -228,7 +237,7 @@ class Critics:
         return torch.stack([each.squeeze(-1) for each in values]), list(passed)
 
     def backward(self, passed: Sequence[Sequence[Passed]], values: Tensor) -> None:
-        """Set the gradients of the parameters.
+        """Set the gradients (`grad`) of both critics' parameters, given derivatives of the loss.
 
         Args:
             passed: Intermediate results of `forward`.
@@ -240,7 +249,7 @@ class Critics:
             parameter.grad = gradient
 
     def to_actions(self, passed: Sequence[Sequence[Passed]], values: Tensor, observations: int) -> Tensor:
-        """Return the derivative of the loss with respect to the actions (B, A), summed over both critics.
+        """Return the derivative of the loss by the actions (B, A), summed over both critics.
 
         Args:
             passed: Intermediate results of `forward`.
@@ -283,7 +292,7 @@ def _half(layer: Layer, number: int) -> Layer:
 
 
 class Gradients:
-    """Losses of a batch, with the gradients of all parameters."""
+    """Calculator of a batch's losses, which also sets the gradients of all networks' parameters."""
 
     def __init__(
         self,

@@ -25,7 +25,10 @@ Packed = dict[str, Any]
 
 
 def pack(transitions: dict[str, Tensor]) -> Packed:
-    """Pack columns of transitions (K, ...) into bytes of Parquet tables; an empty dict stays empty."""
+    """Return columns of transitions (K, ...) packed into bytes of Parquet tables.
+
+    An empty dict stays empty.
+    """
     if not transitions:
         return {}
     columns = {name: tensor.numpy() for name, tensor in transitions.items()}
@@ -42,7 +45,7 @@ def pack(transitions: dict[str, Tensor]) -> Packed:
 
 
 def unpack(packed: Packed) -> dict[str, Tensor]:
-    """Return the columns of transitions that `pack` packed, bit for bit."""
+    """Return the columns of transitions that `pack` packed, bit for bit, as tensors by name."""
     if not packed:
         return {}
     columns, width = _read(packed["columns"]), packed["shapes"][SEEN]

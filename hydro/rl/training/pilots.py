@@ -22,9 +22,9 @@ Actor = Callable[[Array32], Array32]
 
 
 def pilot_of(task: Task, manner: Manner = PLAIN, *, fins: bool = False) -> Actor:
-    """Return the hand-written controller that serves as baseline of a task.
+    """Return the hand-written pilot that is the baseline of a task, a function from observations to actions.
 
-    It is a function from observations (N, O) to actions (N, 6).
+    It maps observations (N, O) to actions (N, 6).
 
     Args:
         task: The task.
@@ -37,7 +37,7 @@ def pilot_of(task: Task, manner: Manner = PLAIN, *, fins: bool = False) -> Actor
 
 
 class WithMap:
-    """Pilot with a map, which flies along its own planned path, whatever target the observation shows.
+    """Pilot with a map: it flies along a path that it plans, whatever target the observation shows.
 
     Attributes:
         begun: Mask of the vehicles whose episode has begun since the last call, (N,).

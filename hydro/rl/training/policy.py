@@ -35,9 +35,9 @@ def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = F
 
 
 def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
-    """Return a new policy network: encoded observations (..., O) to mean and standard deviation (..., A).
+    """Return a new policy network from encoded observations (..., O) to mean and standard deviation (..., A).
 
-    They describe the normal distribution of the A action components before the tanh.
+    The two outputs describe the normal distribution of the A action components before the tanh.
 
     Args:
         observations: Number O of observations.
@@ -85,10 +85,10 @@ class Policy:
 
 
 def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
-    """Return observations (..., O) encoded as input of a network: x / scale, or exp(-x / scale) for ranges.
+    """Return observations scaled to network input (..., O): x / scale, or exp(-x / scale) for ranges.
 
     Args:
-        observations: Observations in SI units.
+        observations: Observations x in SI units (..., O).
         scale: Typical size of each observation (O,).
         fades: Mask of the observations that are ranges (O,).
     """
@@ -97,7 +97,13 @@ def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
 
 
 class EncodedPolicy(nn.Module):
-    """Policy and its encoding as one module: observations (N, O) in SI units to actions (N, A)."""
+    """Policy as one torch module that takes observations in SI units (N, O) and returns actions (N, A).
+
+    Attributes:
+        scale: Typical size of each observation, in the unit of the observation, (O,).
+        fades: Mask of the ranges, whose inputs are exp(-x/scale); all other observations are divided by their
+            scale, (O,).
+    """
 
     scale: Tensor
     fades: Tensor
@@ -109,7 +115,11 @@ class EncodedPolicy(nn.Module):
         self.register_buffer("fades", torch.from_numpy(policy.encoding.fades.copy()))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """Return the actions (N, A) without exploration: the median of the policy's distribution."""
+        """Return actions (N, A) without exploration, the median of the policy's distribution.
+
+        Args:
+            observations: Observations in SI units (N, O).
+        """
         mean, _ = self.layers(encoded(observations, self.scale, self.fades)).chunk(2, dim=-1)
         actions: Tensor = mean.tanh()
         return actions

@@ -1,4 +1,4 @@
-"""n-step returns: values propagate over n control steps per update (ADR 7)."""
+"""n-step returns: rewards of n control steps combined, so that values propagate faster (ADR 7)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hydro.core.columns import Array32, Mask
 
 
 class Transition(NamedTuple):
-    """Transition of N vehicles over one step or n steps; O observations and A action components each.
+    """Transition of N vehicles over one or more control steps; O observations and A action components each.
 
     Attributes:
         observations: Observations before the transition (N, O).
@@ -47,9 +47,10 @@ class Window(ABC, Generic[Step]):
         self._window: deque[Step] = deque(maxlen=steps)
 
     def add(self, step: Step) -> Step | None:
-        """Add a step; return the n-step transition of the oldest step, or None while the window fills.
+        """Add a step.
 
-        A transition stops at the end of an episode, so the last steps of an episode cover fewer than n steps.
+        Return the n-step transition that begins at the oldest step, or None while the window fills. A
+        transition stops at the end of an episode, so the last steps of an episode cover fewer than n steps.
         """
         self._window.append(step)
         if len(self._window) < (self._window.maxlen or 1):
@@ -63,7 +64,7 @@ class Window(ABC, Generic[Step]):
 
 
 class Horizon(Window[Transition]):
-    """Window of n-step returns for arrays."""
+    """Window over the last n steps that combines arrays into n-step transitions."""
 
     def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
         """Combine the first step with the later ones of its episode into one n-step transition."""
@@ -78,7 +79,7 @@ class Horizon(Window[Transition]):
         return Transition(first.observations, first.actions, rewards, terminated, ended, following, steps)
 
     def state(self) -> list[Transition]:
-        """Return the steps in the window, the oldest first: the complete state, for `restore`."""
+        """Return the steps in the window, the oldest first, for `restore`."""
         return list(self._window)
 
     def restore(self, steps: Iterable[Iterable[Any]]) -> None:

@@ -63,7 +63,7 @@ ADDED = {
 
 
 def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact | None) -> Artefact:
-    """Make the table of a training's settings, with its vehicle file and other inputs.
+    """Return the table of a training's settings, with its vehicle file and other inputs as provenance.
 
     Args:
         config: The settings.
@@ -118,7 +118,7 @@ def current_name(name: str) -> str:
 
 
 class Folder:
-    """Folder of a training.
+    """Folder that stores a training: tables, policies and checkpoint.
 
     Attributes:
         path: Path of the folder.
@@ -129,7 +129,7 @@ class Folder:
         self.path = path
 
     def state(self, run: Artefact) -> dict[str, Any] | None:
-        """Return the state to continue from; None without a checkpoint.
+        """Return the state of the training from the checkpoint, to continue from; None without a checkpoint.
 
         Args:
             run: Table of the settings; the steps and the curriculum may differ from the earlier run.
@@ -144,10 +144,10 @@ class Folder:
         return _read_state(self.path / CHECKPOINT)
 
     def begin(self, run: Artefact, model: Artefact | None, covariance: Artefact | None = None) -> None:
-        """Make the folder, and write the settings and copies of the residual model and the covariance.
+        """Create the folder, and write settings and copies of residual model and covariance to the folder.
 
-        Call it after the training was constructed.  Otherwise invalid settings would leave a folder that
-        blocks a valid training.
+        Call this method after the training was constructed.  Otherwise invalid settings would leave a folder
+        that blocks a valid training.
 
         Args:
             run: Table of the training's settings.
@@ -197,11 +197,11 @@ class Folder:
             _write_state(training.state(), self.path / CHECKPOINT)
 
     def config(self) -> TrainingConfig:
-        """Return the settings of the training."""
+        """Return the settings of the training that the folder stores."""
         return config_of(self.run())
 
     def evaluations(self) -> Artefact:
-        """Return the evaluations of the policy without exploration.
+        """Return the table of the policy's evaluations without exploration, one row per evaluation.
 
         Raises:
             DataError: The table is missing or broken.
@@ -217,16 +217,16 @@ class Folder:
         return table.read(self.path / RUN, "run")
 
     def model(self) -> Artefact | None:
-        """Return the residual model of the condition; None if the condition has none."""
+        """Return the table of the residual model of the condition; None if the condition has none."""
         return table.read(self.path / MODEL, "model") if (self.path / MODEL).exists() else None
 
     def covariance(self) -> Artefact | None:
-        """Return the covariance of the vehicle file's parameters; None if there is none."""
+        """Return the table of the covariance of the vehicle file's parameters; None if there is none."""
         there = (self.path / COVARIANCE).exists()
         return table.read(self.path / COVARIANCE, "covariance") if there else None
 
     def learnt(self) -> dict[str, Any]:
-        """Return the `state` of the learner in the checkpoint, from which another training can start.
+        """Return the `state` of the learner from the checkpoint, from which another training can start.
 
         Raises:
             DataError: The checkpoint is missing or broken.
@@ -254,7 +254,13 @@ class Folder:
 
 
 class Reached(TypedDict):
-    """Progress of a training as stored with a policy; newer policies also state `recipe` and `updates`."""
+    """Progress of a training as stored with a policy; newer policies also state `recipe` and `updates`.
+
+    Attributes:
+        steps: Number of control steps of all vehicles together.
+        task: Name of the task that the training has reached.
+        level: Level of the task.
+    """
 
     steps: int
     task: str
@@ -262,7 +268,14 @@ class Reached(TypedDict):
 
 
 class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Description of a policy in the footer of its table: layers, encoding and training; see `Policy`."""
+    """Description of a policy in the footer of its table.
+
+    Attributes:
+        widths: Widths of the network's hidden layers.
+        scale: Typical size of each observation, in the unit of the observation.
+        fades: Whether each observation x is a range, which the network gets as exp(-x/scale).
+        training: Progress of the training.
+    """
 
     widths: Annotated[tuple[models.Width, ...], msgspec.Meta(max_length=64)]
     scale: tuple[float, ...]
@@ -271,7 +284,7 @@ class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
-    """Make the table of a policy's tensors, with a description of the policy in its footer.
+    """Return a table of a policy's tensors, with a description of the policy in its footer.
 
     Args:
         policy: The policy.

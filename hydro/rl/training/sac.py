@@ -60,7 +60,7 @@ class Losses(NamedTuple):
 
 
 class TwinLoss(SACLoss):  # type: ignore[misc]
-    """TorchRL's SAC loss on tensors: both critics in one pass, action noise from a generator.
+    """SAC loss of TorchRL with both critics in one pass, and action noise from a given generator.
 
     Attributes:
         target: Updater of the target networks.
@@ -109,7 +109,10 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
         self.__dict__["_targets"] = _leaves(self.target_qvalue_network_params)
 
     def sample(self, observations: Tensor) -> tuple[Tensor, Tensor]:
-        """Sample actions (B, A) of the policy by reparameterisation, with their log density (B,)."""
+        """Return sampled actions (B, A) of the policy at observations (B, O), and their log density (B,).
+
+        Sampling is by reparameterisation, so the result has derivatives by the policy's parameters.
+        """
         mean, scale = self._policy(observations)
         noise = torch.randn(mean.shape, generator=self._generator, device=mean.device)
         latent = mean + scale * noise
@@ -166,7 +169,7 @@ def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Te
 
 
 class Learner:
-    """Learner of a policy from transitions and labels.
+    """Soft actor-critic learner of a policy, from transitions and from the expert's labels.
 
     Attributes:
         network: Policy network: encoded observations to mean and standard deviation before the tanh.
@@ -208,12 +211,12 @@ class Learner:
 
     @property
     def ready(self) -> bool:
-        """Whether there are transitions to learn from."""
+        """Whether the learner has stored any transition to learn from."""
         return len(self._replay) + len(self._shown) > 0
 
     @torch.no_grad()
     def act(self, observations: Array32) -> Array32:
-        """Sample actions (N, A) of the policy at observations (N, O).
+        """Return actions (N, A) sampled from the policy at observations (N, O) in SI units.
 
         The noise of one vehicle is correlated from step to step by `SACConfig.correlation`.
         """
@@ -227,17 +230,24 @@ class Learner:
         return actions
 
     def explore(self, count: int) -> Array32:
-        """Sample actions (count, A) uniformly from the whole range."""
+        """Return `count` random actions (count, A), uniform in [-1, 1]."""
         drawn = torch.rand((count, self._actions), generator=self._generators["actions"])
         actions: Array32 = (2.0 * drawn - 1.0).numpy()
         return actions
 
     def best(self, observations: Array32) -> Array32:
-        """Return actions (N, A) of the averaged policy at observations (N, O), without exploration."""
+        """Return actions (N, A) without exploration at observations (N, O) in SI units.
+
+        The moving average of the policy acts.
+        """
         return median(self._average.module, self._encoding(observations))
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """Return the averaged policy with a description of its training."""
+        """Return a `Policy` with the moving average of the weights in training.
+
+        Args:
+            training: Description of the training, stored with the policy.
+        """
         weights = {name: each.numpy().copy() for name, each in self._average.module.state_dict().items()}
         return Policy(self.config.layers, self._encoding, weights, training)
 
@@ -250,14 +260,15 @@ class Learner:
         truncated: Mask,
         following: Array32,
     ) -> None:
-        """Store a step of N vehicles; if the buffer is full, the oldest transition is dropped.
+        """Store a control step of N vehicles; if the buffer is full, the oldest transition is dropped.
 
-        The buffer holds transitions over `horizon` steps, so the newest one starts that many steps back.
+        The buffer holds transitions over `horizon` steps, so the newest transition starts that many steps
+        back.
 
         Args:
             observations: Observations before the step (N, O).
-            actions: (N, A).
-            rewards: (N,).
+            actions: Actions of the step (N, A).
+            rewards: Rewards of the step (N,).
             terminated: Episodes that ended by success, collision or divergence (N,).
             truncated: Episodes that ended by time alone (N,).
             following: Observations after the step (N, O).
@@ -268,9 +279,11 @@ class Learner:
             self._keep(made, self._replay)
 
     def add_demonstrations(self, steps: Iterable[Transition], level: Level) -> None:
-        """Store the expert's transitions at a level, one per step of N vehicles, in a separate buffer.
+        """Store transitions of the expert at a level in a separate buffer, and its actions as labels.
 
-        Their actions are also labels for imitation; see `add_labels`.
+        Args:
+            steps: One transition per step of N vehicles.
+            level: Task and number of the level.
         """
         horizon = Horizon(self.config.horizon, self.config.discount)
         for k, step in enumerate(steps):
@@ -282,11 +295,11 @@ class Learner:
     def add_labels(
         self, labels: Iterable[tuple[Array32, Array32]], level: Level, *, replace: bool = False
     ) -> None:
-        """Store labels of a level for imitation.
+        """Store the expert's labels of a level, for imitation.
 
         Args:
             labels: Pairs of observations (N, O) and actions (N, A), one pair per step.
-            level: Task and level.
+            level: Task and number of the level.
             replace: Whether the new labels replace earlier labels of the level.
         """
         if replace:
@@ -296,7 +309,7 @@ class Learner:
                 self._labels.add(level, self._encoding(observations), actions)
 
     def clone(self, batches: int) -> None:
-        """Train the policy by imitation of all labels, and set its moving average to the result.
+        """Train the policy to imitate all labels, and set its moving average to the result.
 
         Args:
             batches: Number of batches.
@@ -328,7 +341,7 @@ class Learner:
         return torch.cat(parts) if len(parts) > 1 else parts[0]
 
     def update(self) -> Losses:
-        """Run one update of the networks; return the losses before the update.
+        """Run one update of the networks; return the losses from before the update.
 
         The losses of the actor are NaN in an update that leaves the actor unchanged, see `SACConfig.delay`.
         """
@@ -341,7 +354,10 @@ class Learner:
         return Losses(*losses)
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state by name, for `torch.save`; transitions are packed into bytes."""
+        """Return the complete state of the learner by name, for `torch.save`.
+
+        Transitions are packed into bytes.
+        """
         return {
             "loss": self.loss.state_dict(),
             "average": self._average.state_dict(),
@@ -373,7 +389,7 @@ class Learner:
             raise DataError("the training to start from has other layers: give its sac.layers") from error
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Continue, bit for bit, from the `state` of a learner with the same settings."""
+        """Set the state that `state` of a learner with the same settings returned; continue bit for bit."""
         self.load_weights(state)
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():

@@ -45,7 +45,7 @@ Part = Callable[[str], AbstractContextManager[object]]
 
 
 class Training:
-    """Training of a policy: the loop, its progress, and its complete state at every evaluation.
+    """Training of a policy: the loop, its progress, and its complete state.
 
     Attributes:
         config: Settings.
@@ -104,7 +104,7 @@ class Training:
 
     @property
     def finished(self) -> bool:
-        """Whether the curriculum is passed, the steps are used up, or a loss is not finite."""
+        """Whether the training is over: curriculum passed, steps used up, or a loss not finite."""
         return self.curriculum.done or self.steps >= self.config.steps or self.watch.broken
 
     def advance(self, progress: Progress = lambda training: None) -> None:
@@ -183,7 +183,7 @@ class Training:
         return self.steps - self._examined >= every if every else self.curriculum.ready
 
     def policy(self, examined: Level | None = None) -> Policy:
-        """Return the averaged policy so far, with a description of its training.
+        """Return the moving average of the policy so far, with a description of its training.
 
         Args:
             examined: Level that the policy passed, for the description; by default the level trained now.
@@ -329,7 +329,7 @@ class Training:
         }
 
     def state(self) -> dict[str, Any]:
-        """Return the complete state in numbers, texts and arrays; not a copy."""
+        """Return the complete state of the training in numbers, texts and arrays; not a copy."""
         return {
             "counts": {name: getattr(self, name) for name in _COUNTS},
             "curves": self.curves,
@@ -344,7 +344,7 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Continue from the `state` of this training, or of one with fewer steps or another curriculum."""
+        """Set the `state` of this training, or of one with fewer steps or another curriculum."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
         self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])

@@ -1,4 +1,4 @@
-"""Test settings of policies and pilots: nominal, and harder than in training."""
+"""Test settings for policies and pilots: nominal, and with harder conditions than in training."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EVERY = "all"  # selects all settings that suit a task
 
 @dataclass(frozen=True)
 class Trial:
-    """Test setting.
+    """Test setting: the conditions in which a policy or pilot is evaluated.
 
     Attributes:
         words: Description of its difference from the nominal setting.
@@ -30,7 +30,7 @@ class Trial:
     posterior: bool = False
 
     def of(self, settings: Settings) -> Settings:
-        """Return a copy of settings changed for this test, without the random differences of training."""
+        """Return a copy of `settings`, changed for this test, without random differences of training."""
         return self.change(replace(settings, randomise=Randomisation()))
 
     def suits(self, task: Task, *, estimates: bool) -> bool:

@@ -40,7 +40,7 @@ def built(kind: type[T], choices: Mapping[str, str]) -> T:
 
 
 def changed(config: T, choices: Mapping[str, str]) -> T:
-    """Return a copy of a config, with the settings in `choices` replaced.
+    """Return a copy of a config in which the settings in `choices`, given as JSON texts, are replaced.
 
     Args:
         config: Dataclass, possibly with nested dataclasses.
@@ -62,12 +62,12 @@ def changed(config: T, choices: Mapping[str, str]) -> T:
 
 
 def merged(config: T, choices: Mapping[str, Any]) -> T:
-    """Return a copy of a config, with the settings in `choices` replaced.
+    """Return a copy of a config in which the settings in `choices`, given as Python values, are replaced.
 
     Args:
         config: Dataclass, possibly with nested dataclasses.
-        choices: Python values by name, either nested, `{"task": {"steps": 200}}`, or dotted,
-            `{"task.steps": 200}`.
+        choices: Python values by name, either nested, `{"task": {"steps": 200}}`, or dotted, `{"task.steps":
+            200}`.
 
     Raises:
         UsageError: A name is unknown, or its value is invalid.

@@ -19,14 +19,14 @@ Engine = Literal["kernels", "mujoco"]
 
 @dataclass(frozen=True)
 class World:
-    """Water tank in NED: north 0 to `length`, east 0 to `width`, surface at 0, floor at `depth`.
+    """Water tank of the environment.  In NED: north 0 to `length`, east 0 to `width`, floor at `depth`.
 
     Attributes:
-        length: [m].
-        width: [m].
-        depth: [m].
+        length: Extent north [m].
+        width: Extent east [m].
+        depth: Depth of the water [m].
         pillars: Greatest number of pillars in a scene; each stands from the floor to the surface.
-        pillar_radius: [m].
+        pillar_radius: Radius of a pillar [m].
     """
 
     length: float = 24.0
@@ -157,7 +157,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class Row:
-    """Pillars in a row, on alternating sides of a course along the tank.
+    """Settings of a row of pillars, on alternating sides of a course along the tank.
 
     Attributes:
         spacing: Least distance between pillars along the course [m]; the course is as long as the pillars
@@ -173,7 +173,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Slalom:
-    """Baffles of pillars, alternately from both long walls; the only path leads between them.
+    """Settings of baffles (walls of pillars), alternately from both long walls; a path leads between them.
 
     Attributes:
         spacing: Least distance between baffles along the tank [m].
@@ -190,7 +190,7 @@ class Slalom:
 
 @dataclass(frozen=True)
 class Forest:
-    """Pillars at random places.
+    """Settings of a forest: pillars at random places.
 
     Attributes:
         spacing: Least distance between the pillars' axes [m]; it leaves the planner's margin on both sides.
@@ -205,7 +205,7 @@ class Forest:
 
 @dataclass(frozen=True)
 class Station:
-    """Station keeping in a current.
+    """Settings of station keeping: a position that the vehicle holds in a current.
 
     Attributes:
         current: Least and greatest speed of the horizontal current [m/s]; its direction is random.
@@ -222,7 +222,7 @@ class Station:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Tracking of a point that moves along a figure.
+    """Settings of trajectory tracking: a point that moves along a figure.
 
     Attributes:
         speed: Least and greatest speed [m/s].
@@ -243,7 +243,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Docking:
-    """Docking from the south, with the bow to the north.
+    """Settings of docking from the south, with the bow to the north.
 
     Attributes:
         within: Greatest distance to the dock [m].

@@ -1,4 +1,4 @@
-"""A* path planner around pillars on a grid (paper III-D): 0.05 m cells, 1.2 m margin, eight neighbours."""
+"""A* path planner around pillars on a grid (Wu et al., III-D): 0.05 m cells, 1.2 m margin, 8 neighbours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NEIGHBOURS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 
 
 @dataclass(frozen=True)
 class Grid:
-    """Grid of cells in the horizontal plane.
+    """Settings of the planner's grid of cells in the horizontal plane.
 
     Attributes:
         length: Extent north, from 0 [m].
@@ -96,13 +96,13 @@ def _clear_of(free: Cells, x: Array, y: Array, pillars: Array, apart: float) -> 
 def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radius: float) -> Array:
     """Return the shortest path around pillars; its depth changes linearly from start to goal.
 
-    If the full margin leaves no path, or start or goal lie within it, the planner uses the greatest share in
-    `RELAXED` that gives a path.
+    If the full margin leaves no path, or start or goal lie within it, the planner multiplies the margins by
+    the greatest factor in `RELAXED` that gives a path.
 
     Args:
         grid: Cells and margins.
-        start: (3,), NED [m].
-        goal: (3,), NED [m].
+        start: Position of the start (3,), NED [m].
+        goal: Position of the goal (3,), NED [m].
         pillars: Axes x, y (P, 2) [m]; rows of NaN are ignored.
         radius: Radius of the pillars [m].
 
@@ -235,7 +235,7 @@ def _back(came: NDArray[np.int64], last: int, ny: int) -> NDArray[np.int64]:
 
 @jit
 def shorten_kernel(way: Array, pillars: Array, apart: float) -> NDArray[np.int64]:
-    """Return the indices of the corners of a path that remain if straight lines replace detours.
+    """Return the indices of those corners of a path that remain when straight lines replace detours.
 
     Each corner is joined to the furthest later corner that a straight line reaches at enough distance from
     the pillars.

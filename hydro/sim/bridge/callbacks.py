@@ -356,7 +356,7 @@ def lag_share(row: Array, step: float) -> float:
         step: Time step [s].
 
     Returns:
-        Change of the state per second, as a share of the distance to the steady value [1/s].
+        Change of the state per second, as a fraction of the distance to the steady value [1/s].
     """
     return (1.0 - lag_decay(row, step)) / step
 

@@ -83,7 +83,7 @@ def _c_struct(name: str) -> type[ctypes.Structure]:
 
 
 def offset(struct: str, field: str) -> int:
-    """Return the byte offset of a field.
+    """Return the byte offset of a field in one of MuJoCo's C structs.
 
     Args:
         struct: `"mjModel"` or `"mjData"`.
@@ -117,7 +117,7 @@ def _mismatch(struct: str, field: str, owner: Any) -> str | None:
 
 
 def verify(used: dict[str, tuple[str, ...]]) -> None:
-    """Check offsets against the addresses that MuJoCo's bindings use, on a small probe model.
+    """Check the computed offsets against the addresses that MuJoCo's Python bindings use, on a small model.
 
     Args:
         used: Fields that compiled code reads, for `"mjModel"` and `"mjData"`.

@@ -22,10 +22,16 @@ LEAST_PIVOT = 1e-12
 
 @within
 def add_inertia(A: Array, P: Array, half: Array, M: Array) -> None:
-    """Add T^T A T to a lower triangle M (21,), for an inertia A (36,) and T = diag(P, F).
+    """Add an inertia in body axes FRD to the lower triangle of MuJoCo's mass matrix `M`, in place.
 
-    P (9,) takes z-up world components to body FRD.  F is the diagonal matrix of `HALF_TURN`, a half turn
-    about x between FLU and FRD axes.  `half` (18,) is overwritten.
+    The sum is T^T A T with T = diag(P, F): P takes z-up world components to body FRD, and F is the diagonal
+    matrix of `HALF_TURN`, a half turn about x between FLU and FRD axes.
+
+    Args:
+        A: The inertia, row by row, (36,).
+        P: Rotation from world (z up) to body FRD, row by row, (9,).
+        half: Buffer, (18,), overwritten.
+        M: Lower triangle of the mass matrix, row by row, (21,), changed.
     """
     for i in range(6):
         for j in range(3):
@@ -78,10 +84,15 @@ def factor(M: Array, L: Array, inverse: Array) -> bool:
 
 @within
 def stale(A: Array, mass: float, M: Array) -> bool:
-    """Return whether M (21,) may already contain an added inertia A (36,), so that A must not be added again.
+    """Return whether the mass matrix `M` may already contain an added inertia `A`, so A must not be added.
 
     The translational part of M is the body's mass times the identity, and the trace of the added part does
     not depend on the attitude.  So the trace shows whether A was added.
+
+    Args:
+        A: Added inertia, row by row, (36,).
+        mass: Mass of the body [kg].
+        M: Lower triangle of the mass matrix, row by row, (21,).
     """
     added = A[0] + A[7] + A[14]
     found = M[0] + M[2] + M[5] - 3.0 * mass
@@ -89,7 +100,7 @@ def stale(A: Array, mass: float, M: Array) -> bool:
 
 
 def is_packed(rows: Array, lengths: Array) -> bool:
-    """Return whether six rows of M are stored as one contiguous lower triangle.
+    """Return whether six rows of MuJoCo's mass matrix are stored as one contiguous lower triangle.
 
     Args:
         rows: Addresses of the rows (6,).

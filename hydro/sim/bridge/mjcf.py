@@ -62,7 +62,7 @@ def scene(
     integrator: Integrator = "implicitfast",
     folder: Path | None = None,
 ) -> mujoco.MjSpec:
-    """Return a MuJoCo specification of one vehicle in unbounded water.
+    """Return a MuJoCo specification (`MjSpec`) of one vehicle in unbounded water.
 
     Args:
         vehicle: Vehicle file.

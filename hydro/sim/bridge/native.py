@@ -25,20 +25,20 @@ from hydro.sim.residual import control
 
 
 def prepare(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Make a compiled model ready to step: install the callbacks and store the addresses of each vehicle.
+    """Make a compiled MuJoCo model ready to step: install the callbacks, and store each vehicle's addresses.
 
     The constants with which MuJoCo scales contacts (`body_invweight0`, `dof_invweight0`) are recomputed with
-    the added mass. Call it again after `mj_setConst`, which ignores added mass.
+    the added mass. Call this function again after `mj_setConst`, which ignores added mass.
 
     Args:
-        model: Compiled model, changed in place.  Without numeric fields of hydro it stays as it is.
+        model: Compiled model, changed in place.  A model without vehicles of hydro stays as it is.
 
     Returns:
-        The model.
+        The same model.
 
     Raises:
-        DataError: A setting of the model would make MuJoCo skip the callback, or solve contacts without
-            added mass.
+        DataError: A setting of the model would make MuJoCo skip the callback, or solve contacts without added
+            mass.
         HydroError: The installed MuJoCo is not the supported one.
     """
     names = [model.numeric(i).name for i in range(model.nnumeric)]
@@ -159,7 +159,7 @@ def _recompute_weights(model: mujoco.MjModel) -> None:
 
 @cache
 def install() -> None:
-    """Install the callbacks in this process, once.
+    """Install hydro's callbacks in MuJoCo, once in this process.
 
     Raises:
         HydroError: The installed MuJoCo is not the supported one, or other callbacks are installed.

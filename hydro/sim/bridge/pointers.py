@@ -40,31 +40,31 @@ def _load(kind: Any) -> Any:
 
 
 def inlined(function: F) -> F:
-    """Compile a function that returns a view inline in its caller, because a view cannot be returned."""
+    """Return a function compiled inline in its callers, because a view of memory cannot be returned."""
     return numba.njit(function, inline="always")  # type: ignore[no-any-return]
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def field(_context: Any, struct: Any, at: Any) -> Any:
-    """Return the 64-bit integer or pointer at a byte offset of a struct."""
+    """Implement, for numba, `field(struct, at)`: the 64-bit integer or pointer at a byte offset."""
     return _load(types.int64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def choice(_context: Any, struct: Any, at: Any) -> Any:
-    """Return the int at a byte offset of a struct."""
+    """Implement, for numba, `choice(struct, at)`: the 32-bit int at a byte offset of a struct."""
     return _load(types.int32)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def number(_context: Any, struct: Any, at: Any) -> Any:
-    """Return the double at a byte offset of a struct."""
+    """Implement, for numba, `number(struct, at)`: the double at a byte offset of a C struct."""
     return _load(types.float64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def stack(_context: Any) -> Any:
-    """Return a buffer of `ROOM` doubles on the stack of the calling function, without an allocator."""
+    """Implement, for numba, `stack()`: a buffer of `ROOM` doubles on the caller's stack."""
 
     def generate(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         room = cgutils.alloca_once(builder, llvmlite.ir.ArrayType(llvmlite.ir.DoubleType(), ROOM))
@@ -77,7 +77,7 @@ def stack(_context: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def as_doubles(_context: Any, array: Any) -> Any:
-    """Return the pointer to an array of doubles."""
+    """Implement, for numba, `as_doubles(array)`: the pointer to an array of doubles."""
 
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return make_array(array)(context, builder, arguments[0]).data
@@ -122,23 +122,32 @@ def _of_an_array(kind: Any, whole: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def numbers(_context: Any, struct: Any, at: Any, start: Any, length: Any) -> Any:
-    """Return a view of `length` doubles of an array field, from entry `start`."""
+    """Implement, for numba, `numbers(struct, at, start, length)`: a view of an array field of doubles.
+
+    The field is at the byte offset `at`; the view has `length` entries, from entry `start`.
+    """
     return _of_a_field(_DOUBLES)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def integers(_context: Any, struct: Any, at: Any, start: Any, length: Any) -> Any:
-    """Return a view of `length` ints of an array field, from entry `start`."""
+    """Implement, for numba, `integers(struct, at, start, length)`: a view of an array field of ints.
+
+    The field is at the byte offset `at` of the struct; the view has `length` entries, from entry `start`.
+    """
     return _of_a_field(_INTEGERS)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def part(_context: Any, array: Any, start: Any, length: Any) -> Any:
-    """Return a view of `length` doubles of an array of doubles, from entry `start`."""
+    """Implement, for numba, `part(array, start, length)`: a view of doubles of an array of doubles."""
     return _of_an_array(_DOUBLES, array)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def singles(_context: Any, array: Any, start: Any, length: Any) -> Any:
-    """Return a view of `length` float32 stored in an array of doubles, from entry `start`."""
+    """Implement, for numba, `singles(array, start, length)`: a view of float32 stored in an array of doubles.
+
+    The view has `length` float32 numbers, from number `start`.
+    """
     return _of_an_array(_SINGLES, array)

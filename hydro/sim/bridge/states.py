@@ -21,7 +21,7 @@ from hydro.core.vehicle.frames import (
 
 
 def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
-    """Convert a state to MuJoCo's coordinates.
+    """Return the state of a vehicle in MuJoCo's coordinates.
 
     Args:
         eta: x y z phi theta psi of CO, NED, ZYX, shape (..., 6) [m, rad].
@@ -36,9 +36,11 @@ def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
 
 
 def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
-    """Return MuJoCo's `qpos` (..., 7) and `qvel` (..., 6) of a pose (..., 7) and velocity nu (..., 6).
+    """Return MuJoCo's `qpos` (..., 7) and `qvel` (..., 6) for a pose and a velocity.
 
-    The pose is x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED; nu is u v w p q r, FRD.
+    Args:
+        pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (..., 7).
+        nu: u v w p q r of CO over ground, FRD, (..., 6) [m/s, rad/s].
     """
     quaternion = pose[..., 3:]
     linear = np.einsum("...ij,...j->...i", rotation_from_quaternion(quaternion), nu[..., :3])
@@ -47,7 +49,11 @@ def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
 
 
 def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
-    """Return the state in the project's coordinates, given MuJoCo's `qpos` (..., 7) and `qvel` (..., 6).
+    """Return the state of a vehicle in NED and FRD, given MuJoCo's coordinates.
+
+    Args:
+        qpos: MuJoCo's positions (..., 7).
+        qvel: MuJoCo's velocities (..., 6).
 
     Returns:
         eta (..., 6), x y z, NED [m], and ZYX Euler angles [rad]; and nu (..., 6), FRD [m/s, rad/s].

@@ -69,7 +69,7 @@ WHOLE = 1 << 30  # length of a view whose end is determined by its content
 
 @inlined
 def vehicle_at(model: int, index: int) -> Array:
-    """Return a view of the parameters in a numeric field; empty if the field is not hydro's.
+    """Return a view of the parameters that a numeric field of a model holds; empty if hydro did not write it.
 
     Args:
         model: Address of the `mjModel`.
@@ -91,7 +91,9 @@ def program_of(vehicle: Array) -> Array:
 
 @inlined
 def control_states(data: int, vehicle: Array) -> Array:
-    """Return a view of the states in `mjData.act` that a residual network keeps; empty without a network.
+    """Return a view of those states in `mjData.act` that belong to a residual network.
+
+    Empty without a network.
 
     Args:
         data: Address of the `mjData`.
@@ -105,7 +107,7 @@ def control_states(data: int, vehicle: Array) -> Array:
 
 @inlined
 def parameters_of(model: int, actuator: int) -> Array:
-    """Return a view of the `biasprm` of actuator number `actuator`, as written by `prepare`."""
+    """Return a view of the parameters (`biasprm`) of actuator number `actuator`, as written by `prepare`."""
     prm: Array = numbers(model, BIASPRM, NBIAS * actuator, NBIAS)
     return prm
 

@@ -83,7 +83,7 @@ class Water:
         return count + 1 if count else 0
 
     def encode(self, held: int = -1) -> Array:
-        """Return these forces as the array of numbers of the model's numeric field.
+        """Return these forces as one array of numbers, the content of the model's numeric field.
 
         Args:
             held: Index in MuJoCo's `userdata` of the wrench that the host holds; -1 without one.
@@ -123,7 +123,7 @@ def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
 
 
 def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
-    """Return the water forces of a vehicle's thrusters alone, including effects on thrusters.
+    """Return water forces that contain a vehicle's thrusters alone, including effects on thrusters.
 
     MuJoCo's own C_RB stays.  There is no C_A, which is part of a residual model (Wu et al., eq. 6).
 

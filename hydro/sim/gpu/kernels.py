@@ -1,4 +1,4 @@
-"""Kernels of a plant on a GPU: start of vehicles and one control step, with one thread per vehicle.
+"""Kernels of a plant (a set of simulated vehicles) on a GPU, with one thread per vehicle.
 
 `sim.flight` has the computation, which the processor shares.  This module has the parts that a GPU needs in
 addition: the vehicle of a thread, and its local buffers, whose sizes are fixed at compilation.  Arguments are
@@ -53,12 +53,12 @@ class Sizes(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Start states of the vehicles of a mask, for a fleet of N.
+    """Initial states of vehicles, in a plant of N.
 
     Attributes:
         mask: Vehicles that start, (N,).
-        pose: (N, 7), see `sim.plant.Plant`.
-        velocity: (N, 6).
+        pose: Initial poses (N, 7), see `sim.plant.Plant`.
+        velocity: Initial velocities u v w p q r, FRD, (N, 6) [m/s, rad/s].
     """
 
     mask: Mask
@@ -67,7 +67,11 @@ class Start(NamedTuple):
 
 
 class Orders(NamedTuple):
-    """Commands (N, n) of N vehicles for the control step that starts."""
+    """Commands that N vehicles on a GPU follow in the control step that starts.
+
+    Attributes:
+        commands: Commands of n thrusters in [-1, 1], (N, n).
+    """
 
     commands: Array
 
@@ -95,9 +99,12 @@ def _network_step(sizes: Sizes) -> Any:
 
 @functools.cache
 def start_kernel(sizes: Sizes) -> Any:
-    """Return the kernel that starts vehicles at given states, with thrusters at rest and clocks at 0.
+    """Return the CUDA kernel that starts vehicles at given states, with thrusters at rest and clocks at 0.
 
     Its arguments are `(crafts, control, fleet, readings, pace, start)`.
+
+    Args:
+        sizes: Sizes for which the kernel is compiled.
     """
     size, thrusters, moving = BODY + sizes.states, sizes.thrusters, sizes.motion
     networked, renew = sizes.work > 0, _network_step(sizes)
@@ -131,9 +138,12 @@ def start_kernel(sizes: Sizes) -> Any:
 
 @functools.cache
 def step_kernel(sizes: Sizes) -> Any:
-    """Return the kernel that simulates vehicles for one control step.
+    """Return the CUDA kernel that simulates vehicles for one control step.
 
     Its arguments are `(crafts, control, fleet, readings, pace, orders)`; diverged vehicles do not move.
+
+    Args:
+        sizes: Sizes for which the kernel is compiled.
     """
     size, thrusters, past, moving = BODY + sizes.states, sizes.thrusters, sizes.past, sizes.motion
     networked, renew = sizes.work > 0, _network_step(sizes)

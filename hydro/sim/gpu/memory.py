@@ -36,14 +36,14 @@ def require() -> None:
 
 
 def simulated() -> bool:
-    """Check whether numba-cuda runs kernels in its simulator."""
+    """Return whether numba-cuda runs kernels in its simulator, on the processor."""
     from numba import config
 
     return bool(config.ENABLE_CUDASIM)
 
 
 def put(values: ArrayLike, dtype: DTypeLike | None = None) -> Any:
-    """Return a copy of a host array on the device."""
+    """Return a copy of a host array on the GPU."""
     array = np.array(values, dtype=dtype, order="C")
     if simulated():
         return array
@@ -53,7 +53,7 @@ def put(values: ArrayLike, dtype: DTypeLike | None = None) -> Any:
 
 
 def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> Any:
-    """Return an array of zeros on the device."""
+    """Return a new array of zeros on the GPU."""
     return put(np.zeros(shape, dtype))
 
 
@@ -73,7 +73,7 @@ def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
 
 
 def shared(tensor: Any) -> Any:
-    """Return a device tensor as an array that kernels accept, with the same memory."""
+    """Return a tensor on the GPU as an array that kernels accept, with the same memory."""
     if simulated():
         return tensor.numpy()
     from numba import cuda
@@ -82,12 +82,12 @@ def shared(tensor: Any) -> Any:
 
 
 def host(values: Any) -> NDArray[Any]:
-    """Return a copy of a device array on the host."""
+    """Return a copy of an array on the GPU as a numpy array."""
     return np.array(values) if simulated() else values.copy_to_host()
 
 
 def write(array: Any, values: NDArray[Any]) -> None:
-    """Overwrite a device array with a host array of the same shape and type."""
+    """Overwrite an array on the GPU with a host array of the same shape and type."""
     if simulated():
         array[:] = values
     else:

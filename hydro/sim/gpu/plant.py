@@ -1,4 +1,4 @@
-"""Plant whose vehicles run on a GPU, one thread each, with the equations of `hydro simulate`."""
+"""Plant (set of simulated vehicles) on a GPU, one thread each, with the equations of `hydro simulate`."""
 
 from __future__ import annotations
 
@@ -82,7 +82,9 @@ class GpuPlant:
         return self._crafts.kind
 
     def pool(self, vehicles: Sequence[Vehicle]) -> None:
-        """Set P vehicles to choose from; `kind` assigns one to each of the N, initially the first.
+        """Set P vehicles to choose from.
+
+        `kind` assigns one of them to each simulated vehicle, first the first.
 
         Args:
             vehicles: Vehicles with the thrusters and internal states of the first vehicle file; only their
@@ -96,7 +98,9 @@ class GpuPlant:
         self._upload([self._craft(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles, given by their index in the plant, and drop unused vehicles of a pool.
+        """Replace simulated vehicles, given by their index in the plant.
+
+        Unused vehicles of a pool are dropped.
 
         Raises:
             DataError: A vehicle cannot be simulated or is too different.
@@ -172,7 +176,7 @@ class GpuPlant:
         launch(kernel, self.count, *blocks)
 
     def readings(self) -> Readings:
-        """Return a copy of the readings on the host."""
+        """Return a copy of the readings of all vehicles, as numpy arrays."""
         return Readings(*(memory.host(each) for each in self._readings))
 
     def snapshot(self) -> Snapshot:
@@ -180,7 +184,7 @@ class GpuPlant:
         return {name: memory.host(array) for name, array in self._state().items()}
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit."""
+        """Set all states and readings to those of a snapshot, and continue bit for bit."""
         for name, array in self._state().items():
             memory.write(array, snapshot[name])
 

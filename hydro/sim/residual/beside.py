@@ -25,7 +25,9 @@ INDEPENDENT_KINDS = frozenset({"actuator", "sensor"})
 
 
 def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
-    """Return the `[[effect]]` tables that act in addition to a network whose labels exclude added mass only.
+    """Return the `[[effect]]` tables that must act in addition to a residual network.
+
+    The labels of the network exclude added mass only.
 
     Args:
         vehicle: Vehicle that is simulated.

@@ -1,4 +1,4 @@
-"""Conditioning of a residual wrench at the control rate: low-pass, clipping, dead band (paper III-B).
+"""Conditioning of a network's wrench at the control rate: low-pass, clipping, dead band (Wu et al., III-B).
 
 It acts on tau_ML alone, in this order, on FRD and FLU wrenches alike:
 
@@ -37,14 +37,14 @@ STEPS, CLIPPED, HELD_BACK, COUNTS = 0, 1, 7, 8
 
 @dataclasses.dataclass(frozen=True)
 class Conditioning:
-    """Conditioning of a wrench before it acts; by default none.
+    """Settings of the low-pass, clipping and dead band of a network's wrench; by default none acts.
 
     Attributes:
         beta: Weight of the low-pass, 0 to 1, or None for no low-pass.
         weighs: Whether `beta` weighs the `old` filtered value or the `new` wrench.
         limits: Maximum magnitude of each axis [N, N m], shape (6,), inf for none.
-        linear_deadband: v_0 [m/s], 0 for no dead band.
-        angular_deadband: omega_0 [rad/s], 0 for no dead band.
+        linear_deadband: Speed v_0 below which the wrench fades [m/s], 0 for no dead band.
+        angular_deadband: Angular velocity omega_0 below which the wrench fades [rad/s], 0 for no dead band.
     """
 
     beta: float | None = None
@@ -101,13 +101,12 @@ OFF = Conditioning()
 
 
 def preset(name: str, vehicle: Vehicle) -> Conditioning:
-    """Return a conditioning by name: none, that of Wu et al., or one part of it.
+    """Return conditioning settings by name: none, those of Wu et al., or one part of theirs.
 
-    Their low-pass has beta = 0.9, which may weigh the old or the new value.
-
-    Wu et al. give neither limits nor the width of the dead band.  Limits are twice the greatest wrench of
-    the thrusters on an axis, since a steady residual balances the thrusters; an axis without thrust has no
-    limit. The dead band is 0.02 m/s and 0.02 rad/s.
+    Their low-pass has beta = 0.9, which may weigh the old or the new value. Wu et al. give neither limits nor
+    the width of the dead band.  Limits are twice the greatest wrench of the thrusters on an axis, since a
+    steady residual balances the thrusters; an axis without thrust has no limit. The dead band is 0.02 m/s and
+    0.02 rad/s.
 
     Args:
         name: `off`; `paper-old`, where beta weighs the old value; `paper-new`; `paper`, which is `paper-new`,
@@ -149,7 +148,7 @@ def clipping(vehicle: Vehicle, headroom: float = HEADROOM) -> tuple[float, ...]:
 def condition_kernel(
     wrench: Array, nu: Array, parameters: Array, state: Array, counts: Array, out: Array
 ) -> None:
-    """Condition the wrench of one control step.
+    """Write the conditioned wrench of one control step (low-pass, clipping, dead band) to `out`.
 
     Args:
         wrench: Wrench, shape (6,) [N, N m].
@@ -200,12 +199,12 @@ def _condition_columns(wrenches: Array, nu: Array, parameters: Array, counts: Ar
 
 
 def condition(wrenches: ArrayLike, nu: ArrayLike, conditioning: Conditioning) -> tuple[Array, Counts]:
-    """Condition a sequence of wrenches, one per control step, from rest.
+    """Return a sequence of wrenches, one per control step, after low-pass, clipping and dead band.
 
     Args:
-        wrenches: Shape (N, 6) [N, N m].
+        wrenches: Wrenches of N control steps, the first from rest, shape (N, 6) [N, N m].
         nu: Velocities, shape (N, 6) [m/s, rad/s].
-        conditioning: Conditioning to apply.
+        conditioning: Settings of the conditioning.
 
     Returns:
         Conditioned wrenches, shape (N, 6), and the counts of clipping and dead band.
@@ -219,6 +218,6 @@ def condition(wrenches: ArrayLike, nu: ArrayLike, conditioning: Conditioning) ->
 
 
 def counts_of(numbers: ArrayLike) -> Counts:
-    """Return counts as an object from the array of numbers (8,) that `condition_kernel` fills."""
+    """Return the counts of the conditioning as an object, from the array (8,) of `condition_kernel`."""
     steps, *clipped, held_back = (int(n) for n in np.asarray(numbers))
     return Counts(steps, tuple(clipped), held_back)

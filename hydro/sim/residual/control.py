@@ -1,4 +1,4 @@
-"""Residual network inside the simulation, evaluated per control step and held until the next (paper III-B).
+"""Residual network inside the simulation: evaluated once per control step, its wrench held until the next.
 
 Each control step runs a Kalman filter for nu_dot, the network, and the conditioning of its wrench.  The
 wrench is on the left-hand side of the equations of motion, like the label.
@@ -72,15 +72,15 @@ OWN_SCRATCH = 18
 
 @dataclass(frozen=True)
 class Control:
-    """Residual network with its settings.
+    """Residual network inside a simulation, with its settings.
 
     Attributes:
         network: The network.
         period: Control step [s].
         design: Filter for nu_dot, for any sample time; by default one that trusts every sample.
         conditioning: Conditioning of the network's wrench.
-        lead: Time by which the network is evaluated ahead, as a share of the control step; 0 as in Wu et al.
-            A passive model needs no lead and gets none.
+        lead: Time by which the network is evaluated ahead, as a fraction of the control step; 0 as in Wu et
+            al. A passive model needs no lead and gets none.
     """
 
     network: Network
@@ -104,7 +104,7 @@ class Control:
 
     @property
     def states(self) -> int:
-        """Number of states between control steps of one vehicle's network."""
+        """Number of states that one vehicle's network keeps between control steps."""
         return self.past + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
 
     @property
@@ -156,7 +156,7 @@ class Control:
 
 
 def line_padding(blocks: Sequence[Array]) -> Array:
-    """Return zeros to append to blocks of numbers, so that the next block begins at a cache line."""
+    """Return zeros to append to blocks of numbers, so that the next block begins at a CPU cache line."""
     return np.zeros(-sum(map(len, blocks)) % CACHE_LINE)
 
 
@@ -173,10 +173,10 @@ def due(block: Array, states: Array, time: float) -> bool:
 
 
 def steps_since(states: Array, begun: Array, period: float) -> Array:
-    """Return the number of control steps of each vehicle since its start (V,).
+    """Return the number of control steps of each of V vehicles since its start (V,).
 
     Args:
-        states: States of V vehicles (V, STATES).
+        states: States of the vehicles' controls (V, STATES).
         begun: Start time of each vehicle (V,) [s].
         period: Control step [s].
     """
@@ -185,7 +185,7 @@ def steps_since(states: Array, begun: Array, period: float) -> Array:
 
 
 class Tables(NamedTuple):
-    """Parameters of a control as arrays for `renew`.
+    """Parameters of a residual network in a simulation, as arrays for `renew`.
 
     Attributes:
         block: Result of `Control.encode`.
@@ -201,7 +201,7 @@ class Tables(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Buffers of a control step, which it overwrites.
+    """Buffers that a control step of a residual network overwrites.
 
     Attributes:
         work: Workspace of the network, (`Network.room`,).
@@ -214,7 +214,7 @@ class Room(NamedTuple):
 
 @jit
 def tables_of(block: Array, weights: Array32) -> Tables:
-    """Return the parts of a block of parameters from `Control.encode` as views, together with the weights."""
+    """Return views of the parts of a block from `Control.encode`, together with the weights."""
     begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
     at, steps = int(block[AT_PROGRAM]), int(block[AT_STEPS])
     return Tables(
@@ -227,14 +227,14 @@ def tables_of(block: Array, weights: Array32) -> Tables:
 
 @jit
 def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
-    """Start a control step: compute the network's wrench at the velocity nu (6,), and hold it in `states`.
+    """Start a control step: compute the network's wrench, and hold it in `states` until the next step.
 
     Args:
         block: Parameters of the control, from `Control.encode`.
         weights: Weights of the network.
         states: States of the control; written.
         time: Time since the start [s].
-        nu: Velocity, FRD [m/s, rad/s].
+        nu: Velocity, FRD, (6,) [m/s, rad/s].
     """
     room = Room(
         np.empty(int(block[AT_ROOM]), np.float32), np.empty(OWN_SCRATCH + int(block[AT_INPUTS]) + SCRATCH)
@@ -244,11 +244,11 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
 
 @kernel
 def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> None:
-    """Start a control step: compute the wrench of the network at the velocity nu (6,), and count the step.
+    """Start a control step: compute the network's wrench, hold it in `states`, and count the step.
 
     Args:
         tables: Parameters of the control.
-        states: States of the control, which hold the wrench; written.
+        states: States of the control; written.
         time: Time [s].
         nu: Velocity, FRD, (6,) [m/s, rad/s].
         room: Buffers; overwritten.
@@ -300,13 +300,13 @@ def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> 
 
 @kernel
 def hold(block: Array, states: Array, inertia: Array, s: Array) -> None:
-    """Write the held wrench into a state of motion, in the layout of `core.simulation.held`.
+    """Write the network's held wrench to a state of motion, in the layout of `core.simulation.held`.
 
     Args:
         block: Parameters of the control.
         states: States of the control.
         inertia: Inertia whose Coriolis and centripetal forces are cancelled, (36,), row by row.
-        s: State of motion (`held.WITH_HELD`,); `held.FELT` is not changed.
+        s: State of motion (`held.WITH_HELD`,), written; `held.FELT` is not changed.
     """
     copy_kernel(inertia, s[held.CANCELLED : held.CANCELLED + 36])
     copy_kernel(states[HELD : HELD + 6], s[held.WRENCH : held.WRENCH + 6])
@@ -322,7 +322,7 @@ def hold(block: Array, states: Array, inertia: Array, s: Array) -> None:
 def attend(
     flat: Array, y: Array, tables: Tables, states: Array, inertia: Array, s: Array, room: Room
 ) -> None:
-    """Start a control step if it is due, and hold its wrench, for a motion without MuJoCo.
+    """Start a control step if it is due, and write the held wrench to `s`, for a motion without MuJoCo.
 
     Args:
         flat: Program of the vehicle.
@@ -342,14 +342,14 @@ def attend(
 
 @within
 def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
-    """Subtract the network's held wrench [N, N m] at the velocity nu (6,) from `tau` (6,), in place.
+    """Subtract the network's held wrench from the wrench `tau` on the vehicle, in place.
 
     Args:
         block: Parameters of the control.
         states: States of the control.
-        nu: Velocity, FRD [m/s, rad/s]; only a passive network's wrench depends on it.
+        nu: Velocity, FRD, (6,) [m/s, rad/s]; only a passive network's wrench depends on it.
         part: Buffer (6,), overwritten.
-        tau: Wrench on the vehicle, written.
+        tau: Wrench on the vehicle, (6,) [N, N m], written.
     """
     for i in range(6):
         tau[i] -= states[HELD + i]

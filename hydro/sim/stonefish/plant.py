@@ -1,4 +1,4 @@
-"""Plant of vehicles in Stonefish, one process each, to test a policy in another simulator."""
+"""Plant (set of simulated vehicles) in Stonefish, one process each, to test a policy in another simulator."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ MAX_VEHICLES = 256
 
 
 class StonefishPlant:
-    """Vehicles in Stonefish; see `sim.plant.Plant` for its arrays.
+    """Plant whose N vehicles run in Stonefish; see `sim.plant.Plant` for its arrays.
 
     Stonefish cannot save its state, but it is deterministic.  So a snapshot holds the start and all commands
-    of every vehicle.  Restoring it takes as long as the simulation so far.
+    of every vehicle.  Restoring a snapshot takes as long as the simulation so far.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class StonefishPlant:
         return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
-        """Replace vehicles, given by their index in the plant; reset each before its next step.
+        """Replace vehicles, given by their index in the plant; each must be reset before its next step.
 
         Raises:
             DataError: Stonefish cannot represent a part of a vehicle, or the number of thrusters differs.
@@ -108,7 +108,7 @@ class StonefishPlant:
 
         Args:
             commands: Commands in [-1, 1], held during the step (N, n).
-            flying: Vehicles that move (N,), by default all; the others stay unchanged.
+            flying: Vehicles that move (N,), by default all; all others stay unchanged.
         """
         going = np.flatnonzero(~self.diverged if flying is None else flying & ~self.diverged).tolist()
         for k in going:
@@ -127,7 +127,7 @@ class StonefishPlant:
         self.thrust[k, self._vehicles[k].scenario.pushing] = last.thrust
 
     def snapshot(self) -> Snapshot:
-        """Return the start and all commands of every vehicle, and the current readings."""
+        """Return the start and all commands of every vehicle, and the current readings, as arrays by name."""
         told = [one.told for one in self._vehicles]
         longest = max((len(each) for each in told), default=0)
         padded = np.zeros((len(told), longest, self.thrust.shape[1]))
@@ -140,7 +140,7 @@ class StonefishPlant:
         }
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot, bit for bit, by repeating every simulation from its start."""
+        """Set the state of a snapshot, bit for bit, by repeating every simulation from its start."""
         first = np.asarray(snapshot["first"], dtype=np.float64)
         begun = np.asarray(np.isfinite(first).all(axis=1))
         self.reset(begun, first[:, :7], first[:, 7:])
@@ -163,14 +163,19 @@ class _Process:
         self._late = Delays(scenario.table, ticks)
 
     def begin(self, first: Array, launch: Launch) -> None:
-        """Request a start of the simulation at a pose (7,) and velocity (6,), joined as `first` (13,)."""
+        """Ask the vehicle's process to start the simulation; the answer is read later, by `answers`.
+
+        Args:
+            first: Pose (7,) and velocity (6,) at the start, joined, (13,).
+            launch: Function that starts the process, used at the first call.
+        """
         self._program = self._program or launch(self.scenario)
         self.first, self.told, self._late = first, [], Delays(self.scenario.table, self._ticks)
         self._program.reset(first)
         self._asked = 1
 
     def go_on(self, commands: Array) -> None:
-        """Request one control step with commands (n,)."""
+        """Ask the vehicle's process for one control step with commands (n,); `answers` reads the result."""
         assert self._program is not None
         self.told.append(np.array(commands))
         parts = list(self._late.felt(self.scenario.setpoints(commands)))
@@ -179,7 +184,7 @@ class _Process:
         self._asked = len(parts)
 
     def answers(self) -> Iterator[Row]:
-        """Yield the answers to the last request."""
+        """Yield the process's answers to the last request, one for each part of a control step."""
         assert self._program is not None
         for _ in range(self._asked):
             yield self._program.answer()

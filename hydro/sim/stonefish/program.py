@@ -1,4 +1,4 @@
-"""Program that runs Stonefish (`bridge/stonefish`): one process per vehicle, with a line protocol.
+"""Process that runs Stonefish (`bridge/stonefish`): one process per vehicle, with a line protocol.
 
     hydro-stonefish 1 VERSION TICKS_PER_SECOND THRUSTERS       greeting
     reset x y z qw qx qy qz u v w p q r                        request: start there with rotors at rest
@@ -47,12 +47,12 @@ STATE, FELT = 13, 16
 
 
 class Row(NamedTuple):
-    """Answer of the program.
+    """Answer of the Stonefish process: the state of the vehicle.
 
     Attributes:
         state: Pose and velocity, (13,).
-        specific_force: (3,) [m/s^2].
-        thrust: (n,) [N].
+        specific_force: Specific force at CO, FRD, (3,) [m/s^2].
+        thrust: Thrusts of the n thrusters, (n,) [N].
     """
 
     state: Array
@@ -61,7 +61,7 @@ class Row(NamedTuple):
 
 
 def installed() -> str:
-    """Return the path of the program.
+    """Return the path of the program `hydro-stonefish`, which runs Stonefish.
 
     Raises:
         UsageError: The program is not installed.
@@ -79,7 +79,7 @@ def installed() -> str:
 
 
 class Program:
-    """One vehicle in one process, ended by `close` or as a context."""
+    """One vehicle in one Stonefish process, which `close` or the end of a `with` block terminates."""
 
     def __init__(self, scenario: Scenario, path: str | None = None) -> None:
         """Start the program; it may still be loading on return.
@@ -121,11 +121,14 @@ class Program:
         self.close()
 
     def reset(self, state: Array) -> None:
-        """Request a start at a pose (7,) and velocity (6,), joined as (13,); `answer` returns the result."""
+        """Ask the process for a start at a pose (7,) and velocity (6,), joined as (13,).
+
+        `answer` returns the result.
+        """
         self._ask(f"reset {_numbers(state)}")
 
     def hold(self, ticks: int, setpoints: Array) -> None:
-        """Request `ticks` steps of Stonefish with thruster setpoints (n,); `answer` returns the result."""
+        """Ask the process for `ticks` steps with thruster setpoints (n,); `answer` returns the result."""
         self._ask(f"hold {ticks} {_numbers(setpoints)}")
 
     def greet(self) -> str:
@@ -138,7 +141,7 @@ class Program:
         return self.version
 
     def answer(self) -> Row:
-        """Return the answer to the oldest request.
+        """Return the process's answer to the oldest request that is not answered yet.
 
         Raises:
             DataError: There is no answer, or an invalid one.

@@ -34,7 +34,7 @@ Launch = Callable[[Scenario], Program]
 
 @dataclass(frozen=True)
 class StonefishTeacher:
-    """Vehicle ready to be recorded in Stonefish.
+    """Vehicle ready to be recorded in Stonefish, for `sim.teacher.collect`.
 
     Attributes:
         pilot: Embedded simulator of the vehicle, with the allocation of demands and the errors of the DVL.
@@ -53,17 +53,17 @@ class StonefishTeacher:
 
     @property
     def mixing(self) -> Mixing:
-        """Allocation of demands to commands."""
+        """Control allocation: constants that convert demanded wrenches to commands."""
         return self.pilot.mixing
 
     @property
     def log(self) -> Array:
-        """Parameters of the DVL's errors, from the sensor effects."""
+        """Errors of the DVL as one vector, (16,), from the sensor effects; see `core.effects.sensor`."""
         return self.pilot.log
 
     @property
     def ignored(self) -> tuple[str, ...]:
-        """Names of the file's effects that Stonefish replaces."""
+        """Names of the effects in the vehicle file that Stonefish's own water model replaces."""
         return self.pilot.ignored
 
     def version(self) -> str:
@@ -79,14 +79,17 @@ class StonefishTeacher:
     def fly(
         self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Return the true motion (N, 12) of one session, and its effective commands (N, n).
+        """Return the true motion of one session in Stonefish, and its effective commands.
 
         Args:
-            demand: Demanded wrench of N rows of 1/50 s, as shares of each axis's greatest wrench, (N, 6).
-            depth: Depth of the start and of the hold [m].
-            heading: Heading of the start, and of the hold [rad].
+            demand: Demanded wrench of N rows of 1/50 s, as fractions of each axis's greatest wrench, (N, 6).
+            depth: Depth of the start, which is held [m].
+            heading: Heading of the start, which is held if `hold_heading` is true [rad].
             hold_heading: Hold the heading in addition to depth, roll and pitch.
             sea: Ignored, because Stonefish has no waves.
+
+        Returns:
+            Motion (N, 12), x to psi [m, rad] and u to r [m/s, rad/s], and the commands (N, n).
 
         Raises:
             DataError: The motion diverges, or the program fails.
@@ -109,7 +112,7 @@ def stonefish_teacher(
     hidden: Sequence[Mapping[str, Any]] = (),
     launch: Launch = Program,
 ) -> StonefishTeacher:
-    """Return a vehicle for recordings in Stonefish.
+    """Return a vehicle that is ready to be recorded in Stonefish.
 
     Args:
         vehicle: Vehicle file.
@@ -134,7 +137,7 @@ def fly(
     nu: ArrayLike = (0.0,) * 6,
     launch: Launch = Program,
 ) -> tuple[Array, Array]:
-    """Simulate a vehicle for N = `rows` rows of 1/50 s.
+    """Return the motion of a vehicle in Stonefish over N = `rows` rows of 1/50 s, and its commands.
 
     Args:
         given: Scenario of the vehicle.

@@ -67,7 +67,7 @@ PROPELLER = {"diameter": 0.2, "right": "true"}
 
 @dataclass(frozen=True)
 class Scenario:
-    """Scenario of a vehicle for Stonefish.
+    """Description of a vehicle for Stonefish: scenario file, hull mesh and thrusters.
 
     Attributes:
         text: Text of the `.scn` file.
@@ -88,12 +88,12 @@ class Scenario:
         return folder / SCENARIO
 
     def setpoints(self, commands: ArrayLike) -> Array:
-        """Return setpoints of the k thrusters (k,), from effective commands (n,); see `recording.supply`."""
+        """Return the setpoints of Stonefish's k thrusters (k,), given effective commands (n,)."""
         return _setpoints(self.table, np.asarray(commands, dtype=np.float64)[self.pushing])
 
 
 class Delays:
-    """Delays of the thrusters' setpoints, in whole ticks."""
+    """Memory of thruster setpoints, which act after their delays, in steps (ticks) of Stonefish."""
 
     def __init__(self, table: Array, ticks: int) -> None:
         """Start at rest.
@@ -126,7 +126,7 @@ class Delays:
 
 
 def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenario:
-    """Return the scenario of a vehicle.
+    """Return the description of a vehicle for Stonefish.
 
     Args:
         vehicle: Vehicle; Stonefish replaces its effects named in `teacher.REPLACED`.
