@@ -35,8 +35,10 @@ settings.register_profile("fuzz", deadline=None, max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
-LONG = ("test_contributing", "test_demo", "test_kills", "test_readme", "test_tutorial", "test_wheel")
-"""Files with tests of up to a minute: at the end, one worker would wait for them with nothing else to do."""
+LONG = tuple(
+    f"test_{name}" for name in ("cluster", "contributing", "demo", "kills", "readme", "tutorial", "wheel")
+)
+"""Files with tests of up to a minute: at the end, the others would wait for them with nothing else to do."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

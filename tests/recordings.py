@@ -89,7 +89,7 @@ def found(raw: pl.DataFrame):
 def flown(*effects: dict, seed: int) -> pl.DataFrame:
     """Four sessions of a vehicle whose hull its file does not describe, and with changes."""
     sessions = [
-        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
+        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=800), seed + i).with_columns(
             session=pl.lit(f"s{i}")
         )
         for i in range(4)
