@@ -1,8 +1,9 @@
 """Commands of `hydro` and scripts, each a process of its own, forked from one that has imported the modules.
 
-A shell that runs twenty commands would import NumPy, Polars, SciPy, Numba, PyTorch and `hydro` twenty times, at
-one or two seconds each.  Each command itself imports libraries that read the environment, and the modules of
-`hydro` that need them.  A command ends without the interpreter's clean-up, which takes a third of a second.
+A shell that runs twenty commands would import NumPy, Polars, SciPy, Numba, PyTorch and `hydro` twenty times,
+which takes one or two seconds each time.  Each command itself imports libraries that read the environment,
+and the modules of `hydro` that need them.  A command ends without the interpreter's clean-up, which takes a
+third of a second.
 """
 
 from __future__ import annotations
