@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from command_lines import parse, pasted_from
 from streams_here import piped
-from tables import raw
+from tables import raw, shorten
 
 from hydro import cli
 from hydro.commands import shell
@@ -253,7 +254,8 @@ def test_add_refuses_findings_that_do_not_lower_the_error_without_force(tmp_path
 @pytest.mark.slow
 def test_diagnose_prints_the_headline_first_and_stores_it(tmp_path: Path, capsys, monkeypatch) -> None:
     """In sentences on the terminal, with the errors; and the same in the footer of the diagnosis."""
-    hidden = VEHICLE.parents[1] / "hidden"
+    hidden = Path(shutil.copytree(VEHICLE.parents[1] / "hidden", tmp_path / "hidden"))
+    shorten(hidden, 30.0)
     line = ["diagnose", str(hidden / "vehicle.toml"), str(hidden / "measured.parquet")]
     assert cli.main([*line, "-o", str(tmp_path / "d.parquet")]) == 0
     told = [one for one in capsys.readouterr().err.splitlines() if not one.startswith("hydro: ")]
