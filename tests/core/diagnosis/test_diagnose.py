@@ -37,7 +37,7 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
 CURRENT = {"name": "ocean_current", "v_N": 0.25, "v_E": -0.15, "v_D": 0.0}
-ROWS = 800  # of each of two sessions, 32 s at 50 Hz in all
+ROWS = 1000  # of each of two sessions, 40 s at 50 Hz in all
 
 
 @pytest.fixture(scope="module")
