@@ -27,8 +27,6 @@ import traceback
 from collections.abc import Iterator
 from pathlib import Path
 
-from numba.core import registry
-
 LIBRARIES = (
     "filterpy.kalman",
     "numba",
@@ -46,6 +44,8 @@ LIBRARIES = (
 PACKAGES = ("hydro.core", "hydro.io", "hydro.commands", "hydro.report", "hydro.study")
 ROOT = Path(__file__).resolve().parents[1]
 HYDRO = ("-m", "hydro.cli")
+SHARED = "HYDRO_FORKED"
+"""Variable that names the folder of the programs that the workers of a test run share."""
 CLIENT = """#!{python} -IS
 import json, os, socket, sys
 with socket.socket(socket.AF_UNIX) as server:
@@ -72,19 +72,28 @@ def served(address: str) -> Iterator[None]:
             server.stdin.close()
 
 
+@contextlib.contextmanager
+def offered() -> Iterator[Path]:
+    """Folder of the programs `hydro` and `script`, which work for as long as this lasts."""
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        address = str(place / "socket")
+        with served(address):
+            for program, before in (("hydro", HYDRO), ("script", ())):
+                client = place / program
+                client.write_text(CLIENT.format(python=sys.executable, address=address, before=before))
+                client.chmod(0o755)
+            yield place
+
+
 @functools.cache
 def folder() -> Path:
-    """Folder of the programs `hydro` and `script`, the same for all tests of this process."""
+    """Folder of the programs: that of the whole test run, or one for all tests of this process."""
+    if there := os.environ.get(SHARED):
+        return Path(there)
     kept = contextlib.ExitStack()
     atexit.register(kept.close)
-    place = Path(kept.enter_context(tempfile.TemporaryDirectory()))
-    address = str(place / "socket")
-    kept.enter_context(served(address))
-    for name, before in (("hydro", HYDRO), ("script", ())):
-        client = place / name
-        client.write_text(CLIENT.format(python=sys.executable, address=address, before=before))
-        client.chmod(0o755)
-    return place
+    return kept.enter_context(offered())
 
 
 def program() -> str:
@@ -105,6 +114,7 @@ def serve(address: str) -> None:
     print("ready", flush=True)
     while listener in select.select([listener, sys.stdin], [], [])[0]:
         caller, _ = listener.accept()
+        prepare()
         if not os.fork():
             listener.close()
             return attend(caller)
@@ -182,12 +192,18 @@ def leave(code: object) -> None:
     os._exit(number & 0xFF)
 
 
-if __name__ == "__main__":
-    sys.path.insert(1, str(ROOT))
+@functools.cache
+def prepare() -> None:
+    """Import all modules when the first program is run."""
     for module in modules():
         importlib.import_module(module)
-    registry.cpu_target.target_context.refresh()
+    numba = importlib.import_module("numba.core.registry")
+    numba.cpu_target.target_context.refresh()
     gc.freeze()
+
+
+if __name__ == "__main__":
+    sys.path.insert(1, str(ROOT))
     serve(sys.argv[1])
     _, what, *sys.argv[1:] = sys.argv
     try:
