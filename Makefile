@@ -86,5 +86,5 @@ wheel-test: $(STAMP)  ## install the wheel alone, outside the checkout, and run 
 	$(BIN)/python -m pytest tests/test_wheel.py
 
 clean:                ## remove everything that the targets above made
-	rm -rf $(VENV) $(DEMO) demo.log checks.log dist build site .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(DEMO) demo.log checks.log types.log dist build site .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import sys
 from pathlib import Path
 
 import compile_once
+import forked
 import once
 import pytest
 from hypothesis import HealthCheck, settings
@@ -35,8 +37,18 @@ settings.register_profile("fuzz", deadline=None, max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
-LONG = ("test_contributing", "test_demo", "test_kills", "test_readme", "test_tutorial", "test_wheel")
-"""Files with tests of up to a minute: at the end, one worker would wait for them with nothing else to do."""
+LONG = tuple(
+    f"test_{name}" for name in ("cluster", "contributing", "demo", "kills", "readme", "tutorial", "wheel")
+)
+"""Files with tests of up to a minute: at the end, the others would wait for them with nothing else to do."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let all workers of a run fork their commands from one process."""
+    if "PYTEST_XDIST_WORKER" not in os.environ and config.getoption("numprocesses", None):
+        kept = contextlib.ExitStack()
+        config.add_cleanup(kept.close)
+        os.environ[forked.SHARED] = str(kept.enter_context(forked.offered()))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,7 +2,7 @@
 
 Preprocessing is a pure function: from the same vehicle and table it returns the same result.  Most tests of
 commands read one of a few bundled recordings, and preprocessing takes longer than the rest of such a test.
-Tests of the preprocessing, and tests that replace a part of `hydro.core`, compute it again.
+Tests of the preprocessing, and tests that replace a part of it, compute it again.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ MOST = 6
 """Maximum number of kept results; the result of the largest bundled recording takes some 50 MB."""
 ANEW = ("app", "core/audit", "core/cleaning", "core/logs", "core/preprocessing", "core/recording")
 """Folders of the tests that always compute again."""
+ABOVE = tuple(f"hydro.core.{name}" for name in ("diagnosis.pipeline", "discovery", "explanation", "history"))
+"""Modules that use preprocessed recordings: whatever is replaced in them, preprocessing stays the same."""
 TESTS = Path(__file__).resolve().parent
 
 
@@ -41,12 +43,13 @@ def kept_for(item: pytest.Item) -> None:
 
 
 def watched(setattr: Callable[..., None]) -> Callable[..., None]:
-    """Wrap a method of `monkeypatch`: after it replaces a part of `hydro.core`, no kept result is used."""
+    """Wrap a method of `monkeypatch`: after it replaces a part of preprocessing, no kept result is used."""
 
     @functools.wraps(setattr)
     def and_anew(self: pytest.MonkeyPatch, target: Any, *others: Any, **options: Any) -> None:
         named = getattr(target, "__module__", None) or getattr(target, "__name__", "")
-        if (target if isinstance(target, str) else named).startswith("hydro.core"):
+        replaced = target if isinstance(target, str) else named
+        if replaced.startswith("hydro.core") and not replaced.startswith(ABOVE):
             _Kept.wanted = False
         return setattr(self, target, *others, **options)
 

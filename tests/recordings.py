@@ -86,10 +86,13 @@ def found(raw: pl.DataFrame):
     return faults(recording(synthetic.vehicle(), raw))
 
 
-def flown(*effects: dict, seed: int) -> pl.DataFrame:
-    """Four sessions of a vehicle whose hull its file does not describe, and with changes."""
+def flown(*effects: dict, seed: int, rows: int = 800) -> pl.DataFrame:
+    """Four sessions of a vehicle whose hull its file does not describe, and with changes.
+
+    Four times 16 s are just long enough to learn what the hull does.
+    """
     sessions = [
-        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
+        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=rows), seed + i).with_columns(
             session=pl.lit(f"s{i}")
         )
         for i in range(4)

@@ -43,9 +43,9 @@ TEXTS = (
 HUGE, TINY = 3e38, 1e-45  # close to the greatest and the least float32
 
 
-def shorten(folder: Path, seconds: float, sessions: int | None = None) -> None:
-    """Cut every session of the recordings in a folder to its beginning; keep all or the first `sessions`."""
-    for path in folder.glob("*.parquet"):
+def shorten(folder: Path, seconds: float, sessions: int | None = None, names: str = "*") -> None:
+    """Cut every session of recordings in a folder to its beginning; keep all or the first `sessions`."""
+    for path in folder.glob(f"{names}.parquet"):
         if path.name.endswith(".covariance.parquet"):
             continue
         whole = table.read(path, ("raw",))

@@ -32,7 +32,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file that knows nothing of the hull, and the vehicle before, after and without a change."""
     folder = tmp_path_factory.mktemp("before")
     hydro.write_vehicle(damped(), folder / "vehicle.toml")
-    recordings = {"earlier": flown(seed=10), "same": flown(seed=70)}
+    recordings = {"earlier": flown(seed=10, rows=1000), "same": flown(seed=70, rows=1000)}
     for name, seed in (("after", 40), ("heldout", 100)):
         recordings[name] = flown(WEAK, seed=seed).filter(pl.col("session") < "s2")
     for name, frame in recordings.items():

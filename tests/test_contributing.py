@@ -93,8 +93,8 @@ assert cli.main(["simulate", "cubic.toml", "commands.parquet", "-o", "flown.parq
 @pytest.mark.slow
 def test_its_closed_form_holds_and_a_vehicle_file_flies_with_it(copy: Path) -> None:
     """Kernels are interpreted here, which gives the same bits: few steps cost less than compiling them."""
-    ahead = {f"cmd_{i + 1}": [0.4 if i < 4 else 0.0] * 300 for i in range(8)}
-    commands = pl.DataFrame({"session": ["ahead"] * 300, "t": [0.02 * k for k in range(300)], **ahead})
+    ahead = {f"cmd_{i + 1}": [0.4 if i < 4 else 0.0] * 100 for i in range(8)}
+    commands = pl.DataFrame({"session": ["ahead"] * 100, "t": [0.02 * k for k in range(100)], **ahead})
     commands.write_parquet(copy / "commands.parquet")
     (copy / "cubic.toml").write_text(WITH_EFFECT)
     assert "1 passed" in run(copy, "-c", STEPS, NUMBA_DISABLE_JIT="1")

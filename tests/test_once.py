@@ -8,7 +8,8 @@ import polars as pl
 import pytest
 import synthetic
 
-from hydro.core.diagnosis import log_faults
+from hydro.core.diagnosis import log_faults, pipeline
+from hydro.core.explanation import trials
 
 VEHICLE, RAW = synthetic.vehicle(), pl.DataFrame({"t": [0.0, 0.1], "u": [0.0, 1.0]})
 
@@ -49,6 +50,16 @@ def test_a_hull_force_model_and_a_replaced_part_of_the_core_are_computed_again(c
     for _ in range(2):
         function(VEHICLE, RAW)
     assert len(calls) == 4
+
+
+def test_a_replaced_part_above_preprocessing_changes_no_recording(counted, monkeypatch):
+    function, calls = counted
+    monkeypatch.setattr(pipeline, "reported", pipeline.reported)
+    monkeypatch.setattr(trials.Recordings, "left_out", trials.Recordings.left_out)
+    monkeypatch.setattr("hydro.core.diagnosis.pipeline.answered", pipeline.answered)
+    for _ in range(2):
+        function(VEHICLE, RAW)
+    assert len(calls) == 1
 
 
 def test_preprocessing_is_wrapped_in_every_test():

@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 import time
+import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 import made_results as made
 import polars as pl
 import pytest
+import tomlkit
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -22,6 +24,7 @@ import hydro
 from hydro.api.printed import MOST_ROWS, WIDTH, html, text
 from hydro.core.diagnosis.findings import Finding
 
+ROOT = Path(hydro.__file__).parents[1]
 KINDS = ("diagnosis", "comparison", "fit", "study")
 TAGS = {"div", "p", "strong", "table", "thead", "tbody", "tr", "th", "td"}
 HOSTILE = "<script>alert('x')</script> & \"y\" \x1b[31m\n</table>"
@@ -191,14 +194,14 @@ def test_types_are_known_to_a_strict_checker(tmp_path: Path) -> None:
         "except hydro.DataError as error:\n"
         "    reveal_type(error.exit_code)\n"
     )
-    (tmp_path / "mypy.ini").write_text(
-        "[mypy]\nstrict = true\nfollow_imports = silent\nignore_missing_imports = true\n"
-        "[mypy-torch.*,matplotlib.*,plotly.*,mujoco.*,numba.*,scipy.*,pyarrow.*]\nfollow_imports = skip\n"
-    )
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mypy"]
+    theirs = {"module": "theirs", "strict": True}
+    mypy = {"python_version": project["python_version"], "overrides": [*project["overrides"], theirs]}
+    (tmp_path / "pyproject.toml").write_text(tomlkit.dumps({"tool": {"mypy": mypy}}))
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--cache-dir", os.devnull, "theirs.py"],
-        cwd=tmp_path,
-        env=os.environ | {"MYPYPATH": str(Path(hydro.__file__).parents[1])},
+        [sys.executable, "-m", "mypy", "--config-file", tmp_path / "pyproject.toml", tmp_path / "theirs.py"],
+        cwd=ROOT,  # with the project's options, so that what `make types` has analysed need not be again
+        env=os.environ | {"MYPYPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=300,

@@ -23,6 +23,8 @@ from hydro.io import provenance, schema, table, vehicle
 from hydro.io.provenance import Input
 from hydro.io.table import Artefact
 
+EXAMPLES = 12
+"""Tables of each kind; all kinds share their code, and there are some thirty."""
 VEHICLE = """
 name = "ball"
 [rigid_body]
@@ -65,6 +67,7 @@ def parquet(arrow: pa.Table | pl.DataFrame, **options: object) -> bytes:
 
 
 @pytest.mark.parametrize("kind", schema.KINDS)
+@settings(max_examples=EXAMPLES)
 @given(data=st.data())
 def test_what_is_written_is_read(kind: str, data: st.DataObject) -> None:
     frame = data.draw(tables(kind))
@@ -78,7 +81,7 @@ def test_what_is_written_is_read(kind: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("kind", schema.KINDS)
-@settings(max_examples=20)
+@settings(max_examples=EXAMPLES)
 @given(data=st.data())
 def test_plain_columns_become_the_schemas(kind: str, data: st.DataObject) -> None:
     """Any order, columns without a value typed as null or left out, whole numbers for floats."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from sim.trained import trained
@@ -27,10 +29,16 @@ def artefact(name: str) -> Model:
     )
 
 
+@cache
+def exported(name: str) -> bytes:
+    """ONNX file of a network, made once: an export takes seconds."""
+    return export.to_onnx(artefact(name))
+
+
 @pytest.mark.parametrize("name", list(ARCHITECTURES))
 def test_onnxruntime_says_what_torch_says(name):
     model = artefact(name)
-    session = onnxruntime.InferenceSession(export.to_onnx(model))
+    session = onnxruntime.InferenceSession(exported(name))
     rng = np.random.default_rng(0)
     for count in (1, 7):
         states = rng.normal(size=(count, 12)).astype(np.float32)
@@ -48,7 +56,7 @@ def test_onnxruntime_says_what_torch_says(name):
 
 
 def test_the_same_model_gives_the_same_bytes():
-    assert export.to_onnx(artefact("mlp")) == export.to_onnx(artefact("mlp"))
+    assert export.to_onnx(artefact("mlp")) == exported("mlp")
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch):

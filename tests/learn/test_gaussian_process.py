@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import polars as pl
 import pytest
@@ -47,6 +49,12 @@ def quick(monkeypatch):
     monkeypatch.setattr(gaussian_process, "STEPS", 8)
 
 
+@cache
+def learnt(count: int):
+    """Return the model of so many rows of motion, trained once."""
+    return train(recorded(count), model="gp", seed=3)
+
+
 def missed(model, nu: np.ndarray) -> np.ndarray:
     """Return root mean square errors by axis, relative to the size of the wrench, (6,)."""
     truth = cubic(nu)
@@ -55,7 +63,7 @@ def missed(model, nu: np.ndarray) -> np.ndarray:
 
 
 def test_it_finds_the_growth_of_drag_from_few_rows():
-    model = train(recorded(400), model="gp")
+    model = learnt(400)
     nu = np.random.default_rng(7).normal(size=(500, 6)) * [0.5, 0.4, 0.4, 0.3, 0.2, 0.4]
     assert (missed(model, nu) < 0.06).all()
     assert model.architecture["points"] == 400
@@ -81,11 +89,11 @@ def test_fossen_s_damping_and_coriolis_are_learnt_too(table):
 def test_the_error_of_what_was_left_out_is_told_in_newtons():
     split = recorded(400)
     size = np.sqrt((rows.wrenches(split) ** 2).mean())
-    assert 0.0 < train(split, model="gp").training["validation_rmse"] < 0.05 * size
+    assert 0.0 < learnt(400).training["validation_rmse"] < 0.05 * size
 
 
 def test_the_compiled_wrench_is_torch_s():
-    model = train(recorded(300), model="gp")
+    model = learnt(300)
     states = np.random.default_rng(1).normal(size=(50, 12))
     expected = predict(model, states)
     np.testing.assert_allclose(
@@ -94,7 +102,7 @@ def test_the_compiled_wrench_is_torch_s():
 
 
 def test_the_same_seed_gives_the_same_weights():
-    one, two = (train(recorded(300), model="gp", seed=3) for _ in range(2))
+    one, two = learnt(300), train(recorded(300), model="gp", seed=3)
     for name, tensor in one.tensors.items():
         np.testing.assert_array_equal(tensor, two.tensors[name], err_msg=name)
 

@@ -19,7 +19,7 @@ from hydro.core.columns import POSE, VELOCITY, command_columns
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 from hydro.io import vehicle as files
 
-COUNT, ROWS = 64, 9
+COUNT, ROWS = 12, 9
 
 
 def crafts(path: Path) -> list[hydro.core.vehicle.description.Vehicle]:

@@ -19,8 +19,8 @@ from hydro.sim.student import Physics, Student
 
 PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
 SEGMENTS = 12  # of 5 s
-FEWER = 2
-"""Segments of a flight with one effect, one astern and one ahead; presets fly the whole minute."""
+FEWER, SHORTER = 2, 150
+"""Segments of a flight with one effect, astern and ahead, and rows of each; presets fly the whole minute."""
 
 FIRST_ORDER = ("euler", "implicitfast")
 COARSE = (0.005, 0.0025)
@@ -89,7 +89,7 @@ def orders(vehicle, held, truth, integrator, steps=(0.005, 0.0025, 0.00125)):
 def without(folder, name, effect):
     """Return the reference motion of a preset without an effect."""
     vehicle = preset(folder, name).without(effect)
-    return reference(vehicle, minute(vehicle, FEWER))
+    return reference(vehicle, minute(vehicle, FEWER, SHORTER))
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -107,7 +107,7 @@ def test_a_preset_flies_as_simulated_at_the_order_of_the_integrator(datasets, na
 @pytest.mark.parametrize("name", PRESETS)
 def test_an_effect_acts_as_simulated_at_the_order_of_the_integrator(datasets, name, effect):
     vehicle, timestep = with_effect(preset(datasets, name), effect), STEPS.get(effect, 0.002)
-    held = minute(vehicle, FEWER)
+    held = minute(vehicle, FEWER, SHORTER)
     truth = reference(vehicle, held, timestep=timestep)
     motion = fly(vehicle, held, timestep=timestep)
     assert apart(motion, truth).max() < 1e-6

@@ -37,7 +37,7 @@ def networked():
 
 
 @needs_numba_cuda
-def test_64_vehicles_of_two_kinds_fly_as_simulate_says(simulated):
+def test_vehicles_of_two_kinds_fly_as_simulate_says(simulated):
     assert simulated["difference"] < 1e-12
     assert simulated["moved"] > 0.05, "each of them"
     assert simulated["kinds_apart"] > 1e-4
@@ -58,8 +58,8 @@ def test_who_leaves_the_realm_of_numbers_is_told_until_reset(simulated):
 @needs_numba_cuda
 def test_commands_of_another_shape_are_refused(simulated):
     assert [text.split(",")[0] for text in simulated["refused"]] == [
-        "commands: expected float64 of shape (64",
-        "commands: expected float64 of shape (64",
+        "commands: expected float64 of shape (12",
+        "commands: expected float64 of shape (12",
     ]
     assert len(simulated["refused"]) == 2
 

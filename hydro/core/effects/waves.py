@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,22 +71,40 @@ def elevation_spectrum(omega: ArrayLike, height: float, period: float, peak: flo
     top = 2.0 * math.pi / period
     energy = _energy(float(peak))
     x = np.asarray(omega, float) / top
-    inside = (x >= BAND[0]) & (x <= BAND[1])
-    return np.asarray(np.where(inside, _shape(x, peak) * (height / 4.0) ** 2 / (energy * top), 0.0))
+    inside, found = (x >= BAND[0]) & (x <= BAND[1]), np.zeros(x.shape)
+    found[inside] = _shape(x[inside], peak) * (height / 4.0) ** 2 / (energy * top)
+    return found
 
 
 @lru_cache(maxsize=64)
 def _energy(peak: float) -> float:
     """Return the integral of the spectrum's form over BAND."""
+    edges, parts = _fine()
+    return float(np.trapezoid(_formed(parts, peak), edges))
+
+
+@cache
+def _fine() -> tuple[Array, tuple[Array, Array, Array]]:
+    """Return FINE frequencies in BAND, and the parts of the form there."""
     edges = np.linspace(*BAND, FINE)
-    return float(np.trapezoid(_shape(edges, peak), edges))
+    return edges, _parts(edges)
 
 
 def _shape(x: Array, peak: float) -> Array:
     """Return the form of the spectrum at frequencies relative to the peak."""
+    return _formed(_parts(x), peak)
+
+
+def _parts(x: Array) -> tuple[Array, Array, Array]:
+    """Return what does not depend on the peak's height: the power, the decay, and the form of the peak."""
     width = np.where(x <= 1.0, NARROW, WIDE)
-    raised = np.log1p(peak) * np.exp(-0.5 * ((x - 1.0) / width) ** 2)
-    return np.asarray(x**-5.0 * np.exp(-1.25 * x**-4.0 + raised))
+    return x**-5.0, -1.25 * x**-4.0, np.exp(-0.5 * ((x - 1.0) / width) ** 2)
+
+
+def _formed(parts: tuple[Array, Array, Array], peak: float) -> Array:
+    """Return the form of the spectrum from its parts (`_parts`)."""
+    power, decay, around = parts
+    return np.asarray(power * np.exp(decay + np.log1p(peak) * around))
 
 
 def harmonics(p: Array, gravity: float, places: Array) -> Array:

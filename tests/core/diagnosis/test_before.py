@@ -222,7 +222,7 @@ def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hu
 
     monkeypatch.setattr(contenders, "fit_model", counted)
     monkeypatch.setattr(contenders, "_least", lambda fits: least(fits) if first_change else np.inf)
-    found = diagnosed(damped(), flown(OFFSET, seed=40).filter(session="s0"), hull)
+    found = diagnosed(damped(), flown(OFFSET, seed=40, rows=1000).filter(session="s0"), hull)
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"
     assert len(set(long[:CLOSEST])) == CLOSEST

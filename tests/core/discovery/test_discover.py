@@ -21,7 +21,7 @@ from hydro.core.simulation.simulate import simulate
 from hydro.io import vehicle as files
 
 LAW = joined([one_term("N |v|^n sgn(v)", 60.0, [2.4]), one_term("Z u q", 90.0)])
-ROWS = 600  # of each of two sessions, 24 s at 50 Hz in all
+ROWS = 500  # of each of two sessions, 20 s at 50 Hz in all
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,8 @@ from hydro.rl.gpu.fleet import GpuFleet
 from hydro.rl.world.config import Episode, Noise, Randomisation, Settings
 from hydro.sim.gpu.plant import GpuPlant
 
-COUNT, STEPS = 6, 26
-SILENT = Settings(noise=Noise(0.0, 0.0, 0.0, 0.0), task=Episode(steps=12))
+COUNT, STEPS = 6, 14
+SILENT = Settings(noise=Noise(0.0, 0.0, 0.0, 0.0), task=Episode(steps=6))
 
 
 class Plant:
