@@ -8,7 +8,7 @@ hull model on held-out stretches of the earlier recording.  A smaller effect is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,6 @@ import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
 from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated
 from hydro.core.diagnosis.contenders import (
     Compared,
@@ -214,14 +213,14 @@ class ByChange:
         return were_there_before(self.compared, self.file, plain)
 
     def diagnosis(self, changes: Changes, findings: Sequence[Finding]) -> Diagnosis:
-        """Return the diagnosis: findings, the vehicle with all changes, and every candidate.
+        """Return the diagnosis: findings, and the vehicle with all changes.
 
         Mean squared residuals are in units of the floor of the hull model.
         """
-        last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
+        last = self._last(changes)
         tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
         chi2 = (self.given, self.given, self.compared.chi2(last))
-        return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2, candidates=tried)
+        return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2)
 
     def _sensor_findings(self) -> list[Finding]:
         """Return the errors of the velocity sensor as findings."""
@@ -419,55 +418,6 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
     if before.penalised(alone) >= before.penalised(before.best):
         return changes
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
-
-
-def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Candidate]:
-    """Yield every fitted candidate, and at each step the model without a further change.
-
-    Args:
-        compared: Recording after the change.
-        first: Vehicle without the changes.
-        those: Result of the search.
-    """
-    last = first
-    for step, change in enumerate([*those.found, *([those.refused] if those.refused else [])]):
-        taken = step < len(those.found)
-        yield _candidate(compared, step, "", not taken, change, Contender("", last, change.whole), first)
-        for name, rival in change.rivals.items():
-            chosen = taken and name == change.best.effect
-            yield _candidate(compared, step, name, chosen, change, rival, first)
-        last = change.best.model
-
-
-def _candidate(
-    compared: Compared, step: int, name: str, chosen: bool, change: Change, rival: Contender, first: Model
-) -> Candidate:
-    """Return the scores of one fitted candidate of a step.
-
-    Args:
-        compared: Recording after the change.
-        step: Number of the step.
-        name: Effect; empty for the model without a further change.
-        chosen: Whether the diagnosis took it.
-        change: Step of the search.
-        rival: Fitted candidate.
-        first: Vehicle without the changes.
-    """
-    return candidate_of(
-        "change",
-        step,
-        name,
-        rival.model.vehicle,
-        chosen=chosen,
-        entries=len(rival.model.values),
-        shots=len(rival.costs),
-        costs=in_blocks(rival.costs),
-        chi2=compared.chi2(rival.model),
-        residuals=change.floor,
-        left_out=float(1.0 - rival.left / change.whole.sum()),
-        own=bool(name) and bool(first.vehicle.effects(name)),
-        absorbs=CATALOGUE[name].identification.absorbs if name else 0.0,
-    )
 
 
 def _finding(

@@ -7,7 +7,6 @@ rest is the hull-force error of the file, until a recording from before the chan
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -15,7 +14,6 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.candidates import Candidate, candidate_of
 from hydro.core.diagnosis.confidence import (
     by_evidence_confidence,
     by_transfer_confidence,
@@ -140,28 +138,8 @@ class ByEvidence:
         models, fit = (self.baseline.given, named.refitted, named.model), named.fit
         given, refitted, found = (model.normal.chi2 for model in models)
         vehicle = fit.vehicle if fit else named.model.vehicle
-        estimates, tried = fit.estimates() if fit else None, tuple(_candidates(named))
-        return Diagnosis(tuple(findings), vehicle, (given, refitted, found), estimates, candidates=tried)
-
-
-def _candidates(named: Named) -> Iterator[Candidate]:
-    """Yield every effect of the survey as a candidate, the best first."""
-    chosen = named.findings[0].effect if named.findings else ""
-    for rival in named.rivals:
-        yield candidate_of(
-            "transfer",
-            0,
-            rival.effect,
-            rival.model.unknown.at(rival.values),
-            chosen=rival.effect == chosen,
-            entries=rival.entries,
-            chi2=rival.model.normal.chi2,
-            left_out=rival.score,
-            evidence=rival.evidence if rival.allowed is not None else math.nan,
-            lead=rival.lead if rival.allowed is not None else math.nan,
-            own=rival.own,
-            absorbs=rival.absorbs,
-        )
+        estimates = fit.estimates() if fit else None
+        return Diagnosis(tuple(findings), vehicle, (given, refitted, found), estimates)
 
 
 def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:

@@ -37,7 +37,7 @@ from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.search import Search, candidates
+from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.sensor_errors import sure_by_kinematics
 from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
@@ -95,7 +95,6 @@ class ByLikelihood:
             (given, refitted, found),
             fit.estimates() if fit else None,
             left_open(baseline, outcome, findings),
-            tuple(candidates(baseline.refitted, outcome.found, baseline.vehicle)),
         )
 
 

@@ -14,7 +14,6 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core import toml_text
-from hydro.core.diagnosis.candidates import Candidate
 from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
 from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.effects.catalogue import implausible
@@ -202,7 +201,7 @@ class Diagnosis:
             the findings.  It is 1 for noise alone.
         estimates: All values that were fitted together, with their covariance; None without such a fit.
         question: Open questions for the next experiment, for `experiment.flight.advise`.
-        candidates: Scores of every fitted candidate, step by step.
+        trace: Regime and its selection, with every fitted candidate; None for a log with a fault.
         prediction: Held-out errors before and after; None where no session is long enough, or with a
             hull-force model.
         status: Overall result, see `diagnosis.status`; None for one step of `explain`.
@@ -213,7 +212,7 @@ class Diagnosis:
     chi2: tuple[float, float, float]
     estimates: Estimates | None = None
     question: Question | None = None
-    candidates: tuple[Candidate, ...] = ()
+    trace: tuple[object, object] | None = None
     prediction: Prediction | None = None
     status: Status | None = None
 

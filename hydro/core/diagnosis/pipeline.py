@@ -61,7 +61,7 @@ class Regime(Protocol[Selection]):
         """Return the findings with their calibrated confidence, and what the recording cannot show."""
 
     def diagnosis(self, selection: Selection, findings: Sequence[Finding]) -> Diagnosis:
-        """Return a diagnosis: the findings, the fitted vehicle, every candidate, and open questions."""
+        """Return a diagnosis: the findings, the fitted vehicle, and open questions."""
 
 
 def diagnose(
@@ -254,7 +254,7 @@ def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
     progress("design of the next run", 0.95)
     found = regime.diagnosis(selection, [*regime.log.faults, *findings])
     progress("done", 1.0)
-    return found
+    return replace(found, trace=(regime, selection))
 
 
 def answered(

@@ -10,7 +10,7 @@ with the others, and be the best in its place.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import cast
@@ -19,7 +19,6 @@ import msgspec
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Found, Grown, Outcome
-from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -58,7 +57,6 @@ from hydro.core.identification.levenberg_marquardt import (
     linear_step,
 )
 from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
-from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
@@ -568,48 +566,3 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
     return mine > (1.0 - STEP_SHARE) * theirs
-
-
-def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:
-    """Yield the scores of every candidate of a search, and at each step of the model without a new effect.
-
-    Args:
-        first: Baseline fit.
-        found: Effects that joined, in their order.
-        file: Vehicle file.
-    """
-    without, size = first, 2
-    for step, one in enumerate(found):
-        best = one.rivals[one.effect]
-        size = max(block_length(best.normal.score), 2)
-        yield _candidate(step, "", False, without, size, file)
-        for name, model in one.rivals.items():
-            yield _candidate(step, name, model is best, model, size, file)
-        without = best
-    yield _candidate(len(found), "", True, without, size, file)
-
-
-def _candidate(step: int, name: str, chosen: bool, model: Model, size: int, file: Vehicle) -> Candidate:
-    """Return the scores of one candidate of a step.
-
-    Args:
-        step: Number of the step.
-        name: Effect; empty for the model without a new effect.
-        chosen: Whether the diagnosis took it.
-        model: Fitted model.
-        size: Number of consecutive shots of which the length of a block is a multiple.
-        file: Vehicle file.
-    """
-    return candidate_of(
-        "likelihood",
-        step,
-        name,
-        model.vehicle,
-        chosen=chosen,
-        entries=len(model.values),
-        shots=len(model.costs),
-        costs=in_blocks(model.costs, size),
-        chi2=model.normal.chi2,
-        residuals=model.normal.residuals,
-        own=bool(name) and bool(file.effects(name)),
-    )

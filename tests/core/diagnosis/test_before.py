@@ -68,18 +68,6 @@ def diagnosed(vehicle, raw, hull):
     return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull)
 
 
-def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
-    """The best change of a step that was taken, and of one that was refused the model without any."""
-    model = cast(Any, SimpleNamespace(vehicle=damped(WEAK, OFFSET), values=np.zeros(1)))
-    rivals = {name: Contender(name, model, np.ones(8)) for name in (GAINS, "buoyancy_offset")}
-    change = Change(rivals[GAINS], rivals, np.full(8, 2.0), 1.0)
-    compared = cast(Any, SimpleNamespace(chi2=lambda _: 1.0))
-    for refused in (None, change):
-        listed = before_._candidates(compared, model, Changes((change,), refused))
-        chosen = [(one.step, one.effect) for one in listed if one.chosen]
-        assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
-
-
 LATE = {"name": "command_delay", "d": 0.02}
 
 
