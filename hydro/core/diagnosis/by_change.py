@@ -18,15 +18,8 @@ import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated
-from hydro.core.diagnosis.contenders import (
-    Compared,
-    Contender,
-    contend,
-    fitted,
-    fitted_together,
-    with_hull_response,
-)
+from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated, wins
+from hydro.core.diagnosis.contenders import Compared, Contender, Contest
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
@@ -43,29 +36,24 @@ from hydro.core.diagnosis.settings import (
     MOST_FINDINGS,
     NEGLIGIBLE,
     QUICK_STEPS,
-    RESAMPLES,
     RIGHT,
     SURE,
     SUSPECT_SPREAD,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import listed
-from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change, in_file
 from hydro.core.identification.suspects import is_curved
-from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations
 from hydro.core.residual.joint_posterior import joint_posterior
-from hydro.core.residual.recomputed import Recomputed
 from hydro.core.residual.regression import robust
-from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -171,7 +159,7 @@ class ByChange:
         here(f"{count} changes found, looking for more", 0.0)
         names = [*(one.effect for one in self.errors), *(one.best.effect for one in changes.found)]
         first_fits = self._tell if self.told is not None and not (count or self.errors) else None
-        return Change.of(self.compared, last, contend(self.compared, last, names, here, first_fits))
+        return Change.of(self.compared, last, Contest(self.compared, last).fits(names, here, first_fits))
 
     def belongs(self, changes: Changes, change: Change) -> bool:
         """Return whether the best candidate of a step is large enough to be named after `changes`."""
@@ -365,21 +353,10 @@ class Change:
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
-    def wins(self, seed: int = 0) -> dict[str, float]:
-        """Return the share of bootstrap resamples of the shots in which each rival is the best, by effect.
-
-        The largest share comes first.
-
-        Args:
-            seed: Seed of the resamples.
-        """
-        names = list(self.rivals)
-        penalties = np.array([self.penalty(self.rivals[name]) for name in names])
-        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + penalties / len(self.whole)
-        drawn = weights(len(costs), RESAMPLES, seed) @ costs
-        part = np.bincount(drawn.argmin(axis=1), minlength=len(names)) / RESAMPLES
-        order = np.argsort(-part, kind="stable")
-        return {names[i]: float(part[i]) for i in order}
+    def wins(self) -> dict[str, float]:
+        """Return the share of resamples of the shots in which each rival is the best, the largest first."""
+        shots = len(self.whole)
+        return wins({name: one.costs + self.penalty(one) / shots for name, one in self.rivals.items()}, 1)
 
 
 @dataclass(frozen=True)
@@ -412,7 +389,7 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
     before, name = changes[0], changes[1].best.effect
     (table,) = changes[1].best.model.vehicle.effects(name)
     try:
-        alone = fitted(compared, first, table)
+        alone = Contest(compared, first).fitted(table)
     except (Diverges, np.linalg.LinAlgError):
         return changes
     if before.penalised(alone) >= before.penalised(before.best):
@@ -434,12 +411,12 @@ def _finding(
         left: Mean squared residual with all changes, in floors.
         most: Greatest confidence, less than 1 if the hull-force model does not describe the vehicle.
     """
-    name, wins = change.best.effect, change.wins()
+    name, frequency = change.best.effect, change.wins()
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
-    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= NEGLIGIBLE]
-    if rivals:
-        words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
+    others = [f"{one} ({part:.0%})" for one, part in frequency.items() if one != name and part >= NEGLIGIBLE]
+    if others:
+        words += f"; in part of the resamples another effect wins: {', '.join(others)}"
     if left > RIGHT:
         words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
@@ -461,7 +438,7 @@ def _finding(
         parameters=parameters,
         standard_errors=errors,
         advice=words,
-        support=wins[name],
+        support=frequency[name],
     )
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
@@ -504,7 +481,8 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
         DataError: The recording is too short, or the predictions diverge.
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
-    model = with_hull_response(compared, first, fitted_together(compared, first, changes))
+    contest = Contest(compared, first)
+    model = contest.with_hull_response(contest.fitted_together(changes))
     entries = model.unknown.entries
     given = in_file(first.vehicle, entries)
     held = in_file(extended(file, changes), entries) == given
@@ -528,10 +506,10 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
         vehicle: Vehicle with its changes, as fitted.
         entries: Components that the search needs.
     """
-    names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
+    names = list(dict.fromkeys(entry.effect for entry in entries))
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
-    problem = Recomputed.of(compared.hull, Transitions.of(candidate(vehicle), shots)).with_free_law(vehicle)
+    problem = compared.recomputed(vehicle).with_free_law(vehicle)
     normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))

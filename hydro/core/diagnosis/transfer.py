@@ -27,7 +27,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
-from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
+from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
 from hydro.core.diagnosis.search import Search, most_gain
 from hydro.core.diagnosis.settings import (
@@ -319,7 +319,7 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
-    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, LEAST_INFORMATION)
+    return left_out_costs(model.normal, fold, moved, prior.information, new, LEAST_INFORMATION)
 
 
 def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots) -> Squares:

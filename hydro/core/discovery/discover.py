@@ -20,7 +20,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
-from hydro.core.diagnosis.confidence import Fitted, explained_share, folds, left_out_costs
+from hydro.core.diagnosis.confidence import explained_share, folds, left_out_costs
 from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
@@ -168,7 +168,7 @@ class Discovery:
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
         held = np.concatenate([prior.information, np.full(extra, self.known.temper * PRIOR**-2)])
         new = range(len(model.values), len(columns))
-        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
+        return left_out_costs(normal.of(columns), fold, amounts, held, new, LEAST_INFORMATION)
 
     def is_open(self, choice: Choice) -> bool:
         """Return whether another term may be added: a formula has at most MOST_STEPS new terms."""
