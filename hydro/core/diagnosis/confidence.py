@@ -38,6 +38,7 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
+from hydro.core.identification.prior import in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
 
 
@@ -174,16 +175,17 @@ def left_out_costs(
     return costs
 
 
-def left_out_share(first: Normal, rival: Normal, session: ArrayLike) -> float:
+def left_out_share(first: Normal, rival: Normal, amounts: Array, session: ArrayLike) -> float:
     """Return the share of the error of held-out sessions that a rival removes, 0 to 1.
 
     Args:
         first: Fit without the rival, its existing effects fitted, linearised.
         rival: Fit with the rival, over the same shots.
+        amounts: Distance of each component of the rival from its value without it, in scales, (P,).
         session: Number of each shot's session, (S,).
     """
     fold = folds(session)
-    before, after = left_out_costs(first, fold), left_out_costs(rival, fold)
+    before, after = left_out_costs(first, fold), left_out_costs(rival, fold, amounts)
     both = np.isfinite(before) & np.isfinite(after)
     gain, excess = (before - after)[both].sum(), (before - first.freedoms)[both].sum()
     return float(np.clip(gain / max(excess, 1e-9), 0.0, 1.0))
@@ -200,8 +202,10 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
         model: Model with the effect.
         session: Number of each shot's session, (S,).
     """
-    own = model.normal.of(model.unknown.places(effect))
-    elsewhere = left_out_share(without.normal.of([]), own, session)
+    own, unknown = model.unknown.places(effect), model.unknown
+    change = model.values[own] - in_file(without.vehicle, [unknown.entries[i] for i in own])
+    amounts = change / unknown.scales[own]
+    elsewhere = left_out_share(without.normal.of([]), model.normal.of(own), amounts, session)
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= SIMILAR * min(here, 1.0):
         return ""

@@ -57,7 +57,7 @@ def fitted(columns: np.ndarray, error: np.ndarray) -> Fitted:
 
 def removed(first: Fitted, rival: Fitted) -> float:
     """Share of the error of held-out sessions that a rival removes."""
-    return left_out_share(first.normal, rival.normal, SESSION)
+    return left_out_share(first.normal, rival.normal, rival.amounts, SESSION)
 
 
 def test_left_out_costs_equal_refits_without_the_session():
