@@ -233,10 +233,6 @@ def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputEr
     damping from an equation-error fit, which integrates nothing, replaces the file's linear damping.  If that
     diverges too, it replaces all damping of the file.
 
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
-
     Raises:
         DataError: The recording is too short, or the predictions of every start diverge.
     """
@@ -259,10 +255,6 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     """Return a recording cut into shots as long as possible, without shots whose predictions diverge.
 
     Shots are shortened until most predictions of the vehicle stay bounded.
-
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
 
     Raises:
         DataError: The recording is too short.

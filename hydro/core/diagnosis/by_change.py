@@ -281,13 +281,7 @@ class Change:
 
     @classmethod
     def of(cls, compared: Compared, last: Model, rivals: Mapping[str, Contender]) -> Change | None:
-        """Return the step with the best of the fitted candidates; None without candidates.
-
-        Args:
-            compared: Recording after the change.
-            last: Vehicle with the changes so far.
-            rivals: Fitted candidates, by effect.
-        """
+        """Return the step with the best of the fitted candidates; None without candidates."""
         whole = compared.left_out(last.normal.of([]))
         if not rivals:
             return None
@@ -452,11 +446,6 @@ def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
     whose covariance includes the hull model's error.  Each value costs one (Burnham and Anderson 2002, sec.
     2.9).  It is 1 for a new effect that is not linear in its values, where the distance from 0 shows nothing
     (Hauck and Donner 1977).
-
-    Args:
-        fit: Joint posterior.
-        file: Vehicle file.
-        effect: Name of the effect.
     """
     if is_curved(effect) and not file.effects(effect):
         return 1.0

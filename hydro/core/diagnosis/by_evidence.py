@@ -284,11 +284,6 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
     """Fit an effect with the existing effects to all shots, from the values of the survey.
 
     Values that were fitted with the hull force free stay: a plain fit would absorb the hull's error.
-
-    Args:
-        rival: Effect of the survey.
-        baseline: Vehicle file and shots.
-        known: Priors of the existing effects.
     """
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
@@ -301,14 +296,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
-    """Return the model without an effect of the survey, or with the file's values of it.
-
-    Args:
-        rival: Effect of the survey.
-        baseline: Vehicle file and shots.
-        refitted: Existing effects, fitted within their priors.
-        known: Priors of the existing effects.
-    """
+    """Return the model without an effect of the survey, or with the file's values of it."""
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
@@ -363,13 +351,6 @@ def _nearly_as_good(
 
     These divide the remaining probability in proportion to their scores; one more part stands for any other
     effect.  None has more confidence than the named effect.
-
-    Args:
-        rival: Named effect.
-        surveyed: Survey of all effects.
-        others: Other effects that may be named.
-        finding: Finding of the named effect.
-        dt: Sample time of the recording [s].
     """
     worth = surveyed.worth
     near = [one for one in others if worth(one) >= max(SIMILAR * worth(rival), MATERIAL)]

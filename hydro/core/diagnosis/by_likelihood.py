@@ -157,11 +157,6 @@ def searched(
     2. Otherwise a second search starts from the file's values.  It is returned only if it fits.
     3. Otherwise the first search is returned, continued if it had paused.
 
-    Args:
-        baseline: Vehicle file and shots.
-        progress: Called with a short text and the share of the work done.
-        provisional: Called with the best candidate after the first fits.
-
     Returns:
         The search by these rules, and its outcome.
     """
@@ -184,11 +179,6 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
     All existing effects of the file are refitted before a search.  Together they can absorb an effect that
     the file lacks.  Then a second search holds them at the file's values, and refits one of them only if that
     explains most.  The search with the lower penalised cost is returned.
-
-    Args:
-        search: Search that found nothing.
-        outcome: Outcome of that search.
-        progress: Called with a short text and the share of the work done.
     """
     baseline, refitted = search.baseline, search.baseline.refitted
     if not refitted.unknown.entries or not np.isfinite(baseline.given.normal.cost):
@@ -279,13 +269,7 @@ def excess_share(baseline: Baseline, model: Model) -> float:
 
 
 def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
-    """Return the finding of one effect that joined the model.
-
-    Args:
-        found: Effect and its rivals.
-        baseline: Vehicle file and shots.
-        outcome: Result of the search, with its joint fit.
-    """
+    """Return the finding of one effect that joined the model."""
     log, model, effect = baseline.log, outcome.model, found.effect
     without = outcome.without[effect]
     pieces = block_length(model.normal.score)

@@ -50,11 +50,6 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
     """Return findings with less confidence where they may be disturbances, and a warning as a last one.
 
     Findings of a recording without feedback are returned as they are.
-
-    Args:
-        baseline: Vehicle file and recording.
-        outcome: Result of the search.
-        findings: Findings.
     """
     seen = feedback(baseline.vehicle, baseline.log.record)
     if not seen.closed:
@@ -96,10 +91,6 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
     STEADY_SECONDS free, the linearised problem gives a new step.  The share is the projection of the new step
     on the first, weighted by the information that remains.  It is 0 if the new step is not DISTINCT from 0.
     Disturbances and sensor errors are skipped.
-
-    Args:
-        baseline: Vehicle file and recording.
-        model: Fitted model.
     """
     entries = model.unknown.entries
     if not entries:

@@ -188,11 +188,6 @@ def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding])
     """Return the open questions of a diagnosis, for the planning of the next experiment.
 
     These are the rivals of every uncertain finding, and the effects that the recording does not show.
-
-    Args:
-        baseline: Vehicle file and recording.
-        outcome: Result of the search.
-        findings: Findings of that search.
     """
     model, log = outcome.model, baseline.log
     ties = []

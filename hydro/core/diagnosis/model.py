@@ -419,9 +419,6 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
 
     A model is distinct if its penalised cost is higher by more than DISTINCT standard errors of the
     difference between shots.  All models have the same shots.
-
-    Args:
-        fits: Fitted models, by effect.
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}

@@ -243,10 +243,6 @@ def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
     A regime is a way to select effects: by likelihood, by evidence, or by change (see the table of this
     module).  Its three steps are called in order: select effects, turn them into findings, and build the
     diagnosis from both.
-
-    Args:
-        regime: Regime, with the recording.
-        progress: Called with a short text and the share of the work done.
     """
     selection = regime.select(progress)
     progress("verdicts", 0.9)

@@ -308,13 +308,7 @@ class Search:
         return best
 
     def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
-        """Return a screening's model with one candidate, fitted from the solution of the linearised problem.
-
-        Args:
-            chosen: Effects that joined the model.
-            screening: Test of the candidate, with the model.
-            name: Effect of the candidate.
-        """
+        """Return a screening's model with one candidate, fitted from the linearised problem's solution."""
         model, (suspect, columns) = screening.model, screening.ranked[name]
         both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
         _, step[both] = linear_step(screening.normal, both)
@@ -521,13 +515,7 @@ class Search:
         return Outcome(model, tuple(kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
-        """Return the model without one finding, all others refitted; the baseline if the fit diverges.
-
-        Args:
-            model: Model with all findings.
-            effect: Effect of the finding.
-            others: Effects of the other findings.
-        """
+        """Return the model without one finding, all others refitted; the baseline if the fit diverges."""
         in_file = [table for table in self.baseline.refitted.vehicle.effect if table["name"] == effect]
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))

@@ -92,12 +92,7 @@ def new_sensor_errors(
 
 
 def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) -> bool:
-    """Return whether an effect is an error of the velocity sensor with the values of its kinematic test.
-
-    Args:
-        table: `[[effect]]` table of the effect.
-        tests: Kinematic tests of the recording, by effect.
-    """
+    """Return whether an effect is an error of the velocity sensor with the values of its kinematic test."""
     test = tests.get(str(table["name"]))
     return test is not None and shown(test) and all(table.get(k) == v for k, v in test.table.items())
 

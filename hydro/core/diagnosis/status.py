@@ -112,10 +112,7 @@ def percent(confidence: float) -> str:
 def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
     """Return a diagnosis whose findings with values have a sentence that states the values.
 
-    Args:
-        diagnosis: Diagnosis.
-        vehicle: Vehicle that was diagnosed.
-        dt: Sample time of the recording [s].
+    `vehicle` is the one that was diagnosed; `dt` is the sample time of the recording [s].
     """
     findings = tuple(
         replace(one, sentence=sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt))

@@ -90,10 +90,6 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
     They are tested as if free, on the model before any effect joined it, because such an effect may absorb
     their error.
-
-    Args:
-        baseline: Vehicle file and shots.
-        outcome: Result of the search.
     """
     search, first = Search(baseline), baseline.refitted
     joined = outcome.found[:1]

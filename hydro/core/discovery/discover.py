@@ -114,10 +114,6 @@ class Discovery:
     def fitted(self, vehicle: Vehicle, steps: int) -> Choice:
         """Return the formula of a vehicle fitted together with the effects of the file, with held-out costs.
 
-        Args:
-            vehicle: Vehicle with the formula.
-            steps: Maximum number of iterations.
-
         Raises:
             Diverges: The predicted motion diverges.
         """
@@ -183,24 +179,14 @@ class Discovery:
         return tried
 
     def belongs(self, choice: Choice, tried: Choice) -> bool:
-        """Return whether another term clearly reduces the held-out error, by sessions and by regimes.
-
-        Args:
-            choice: Formula so far.
-            tried: Formula with the additional term.
-        """
+        """Return whether another term clearly reduces the held-out error, by sessions and by regimes."""
         assert self.first is not None
         gained, noise = choice.costs - tried.costs, choice.model.normal.residuals
         least = np.maximum(MATERIAL * choice.costs, np.maximum(VISIBLE * self.first.costs, MATERIAL * noise))
         return bool((gained >= least).all())
 
     def best(self, choice: Choice, progress: Progress) -> Choice | None:
-        """Return the formula with the best additional term; None if no term can be fitted.
-
-        Args:
-            choice: Formula so far.
-            progress: Called with a few words and the share of the work done.
-        """
+        """Return the formula with the best additional term; None if no term can be fitted."""
         share = self._new_terms(choice) / MOST_STEPS
         progress = part(progress, share, share + 1.0 / MOST_STEPS)
         progress("terms tested on held-out data", 0.0)
@@ -303,11 +289,6 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
     """Search a formula of sparse terms for the force that a vehicle file lacks.
-
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
-        progress: Called with a short text and the share of the work done.
 
     Returns:
         The formula and its fit; None if the file explains the recording, or no term reduces the error on

@@ -95,9 +95,6 @@ def best_step(ladder: pl.DataFrame) -> int:
 
     The first of these errors that the ladder has decides: of the held-out recording in units of the floor of
     a hull-force model; of that recording HORIZON ahead; of held-out stretches of the fitted recording.
-
-    Args:
-        ladder: Rows of all steps.
     """
     held_out = ladder.filter(dataset="holdout")
     tried = (

@@ -198,10 +198,6 @@ class Recordings:
 
         The one that predicts the recording better is chosen.  Equation error integrates nothing, so values
         far from the truth do not lead it into a poor local minimum.
-
-        Args:
-            vehicle: Vehicle.
-            effects: Names of the effects with values to estimate.
         """
         unknown = free(vehicle, effects, reach=self.log.track) if effects else None
         if unknown is None or not unknown.entries:
@@ -229,12 +225,6 @@ class Recordings:
         self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK_STEPS
     ) -> Vehicle:
         """Return the vehicle with effects fitted to some shots.
-
-        Args:
-            vehicle: Vehicle.
-            wanted: Names or starting tables of the effects.
-            problem: Shots.
-            iterations: Maximum number of iterations.
 
         Raises:
             Diverges: The predicted motion diverges.
@@ -310,12 +300,6 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 def chosen_trial(last: Step, effect: str, file: Vehicle, recordings: Recordings) -> Trial:
     """Return the trial of one finding of the last diagnosis, fitted together with all existing effects.
 
-    Args:
-        last: Last step.
-        effect: Effect of the finding.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-
     Raises:
         DataError: The diagnosis has no values for the effect, or the fit diverges.
     """
@@ -330,13 +314,6 @@ def _best_of(
     The best is first.  Of fits whose errors are equal to within NEGLIGIBLE, that is the one with the fewest
     parameters; steady loads that do not improve its prediction are removed.  A confirmed effect need not
     predict better.
-
-    Args:
-        quick: Quick fits, the best first.
-        last: Last step.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        problem: Shots of the quick fits.
     """
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
@@ -381,13 +358,7 @@ def _best_of(
 def _beside(
     last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings
 ) -> list[dict[str, Table]]:
-    """Return further candidates of the catalogue that are no choices yet, the most promising first.
-
-    Args:
-        last: Last step.
-        every: Choices from the diagnosis.
-        recordings: Both recordings.
-    """
+    """Return further candidates of the catalogue that are no choices yet, the most promising first."""
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
@@ -599,10 +570,6 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
     """Return the effects that are fitted together: existing, added and new ones, with starting values.
 
     Random effects, such as waves, are estimated by the diagnosis and not by a fit.
-
-    Args:
-        last: Last step.
-        found: Tables of a candidate by effect.
     """
     new = [
         bare(table) if len(table) > 1 else name
