@@ -93,13 +93,6 @@ class ByChange:
     ) -> ByChange:
         """Compare a vehicle file with a recording after a change.
 
-        Args:
-            vehicle: Vehicle file.
-            log: Recording after the change.
-            hull: Hull-force model learnt from the earlier recording.
-            further: Whether the vehicle has changes already, so that the next one must be larger.
-            told: Called with the best candidate after the first fits, or with a sensor error found before.
-
         Returns:
             The regime with the compared recording, ready for `select`.
         """
@@ -239,11 +232,6 @@ def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bo
     The vehicle did not have the changes then, so they must fit that recording worse than the hull-force
     model. Otherwise the file is so far from the vehicle that this model could not be learnt, and no change
     can be named.
-
-    Args:
-        compared: Recording after the change, with the hull-force model.
-        file: Vehicle file.
-        changed: File with all changes.
     """
     sigma = compared.problem.shots.sigma
     then = compared.hull.measured.weighed(sigma).at_measured_states(changed)
@@ -329,8 +317,7 @@ class Change:
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
         due to chance (`lead_confidence`).
 
-        Args:
-            given: Squared residual of the file as given, in units of `floor`.
+        `given` is the squared residual of the file as given, in units of `floor`.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
@@ -340,8 +327,7 @@ class Change:
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named.
 
-        Args:
-            further: Whether the vehicle has changes already; then the change must be larger.
+        It must be larger where the vehicle has changes already (`further`).
         """
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
@@ -373,10 +359,7 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
 
     A candidate with a threshold may appear only after a poorer candidate has moved the start of its fit.
 
-    Args:
-        compared: Recording after the change.
-        first: Vehicle without the changes.
-        changes: Changes, in the order of the search; other numbers than two are returned as they are.
+    `changes` are in the order of the search; other numbers than two are returned as they are.
     """
     if len(changes) != 2:
         return changes
@@ -460,11 +443,7 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
 
     Components that start at the file's values stay there: the diagnosis has found that they are not needed.
 
-    Args:
-        file: Vehicle file as given.
-        log: Recording after the change.
-        hull: Hull-force model learnt from the earlier recording.
-        changes: `[[effect]]` tables with starting values.
+    `changes` are `[[effect]]` tables with starting values.
 
     Raises:
         DataError: The recording is too short, or the predictions diverge.
@@ -488,12 +467,6 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
 
     These move to the posterior mean if that lowers the error, and otherwise stay as fitted.  Damping and
     added mass stay passive.  The distance of the values from the posterior mean adds to their covariance.
-
-    Args:
-        compared: Recording after the change.
-        file: Vehicle file.
-        vehicle: Vehicle with its changes, as fitted.
-        entries: Components that the search needs.
     """
     names = list(dict.fromkeys(entry.effect for entry in entries))
     unknown = free(vehicle, names, reach=compared.log.track)

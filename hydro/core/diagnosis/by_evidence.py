@@ -162,10 +162,6 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     range, because it stands for another effect.  The next best is then named if it has at least NEARLY_EQUAL
     of the evidence or score, whichever ranks them, of the one passed over.  If all that qualify have
     implausible values, the first of them is named.
-
-    Args:
-        baseline: Vehicle file and shots.
-        progress: Called with a short text and the share of the work done.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -213,12 +209,6 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
 
     The survey of a file without drag stays ranked by transfer, because the hull force would take over the
     drag.
-
-    Args:
-        surveyed: Survey of all effects.
-        baseline: Vehicle file and shots.
-        refitted: Existing effects, fitted to all shots within their priors.
-        known: Priors of the existing effects.
     """
     if not has_drag(baseline.vehicle):
         return surveyed
@@ -249,9 +239,7 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
 def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether any fitted value of an effect exceeds SMALL_STEP in its natural scale.
 
-    Args:
-        fit: Values of a physically possible vehicle, in which an effect may vanish.
-        effect: Name of the effect.
+    An effect may vanish where its values must be physically possible.
     """
     own = fit.free.places(effect)
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
@@ -259,12 +247,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
-    """Return a model with its residuals in units of the noise of other shots.
-
-    Args:
-        model: Model.
-        fine: Shots with that noise.
-    """
+    """Return a model with its residuals in units of the noise of other shots."""
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
     names = model.unknown.effects
     if not names:
@@ -397,10 +380,7 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
 def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:
     """Return the evidence for a named effect, in words.
 
-    Args:
-        rival: Named effect.
-        model: Model with the effect.
-        near: Effects that are nearly as good.
+    `near` are the effects that are nearly as good.
     """
     evidence = f", and its log evidence with any hull force allowed is {rival.evidence:.0f}"
     words = (

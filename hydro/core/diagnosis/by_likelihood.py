@@ -99,13 +99,7 @@ class ByLikelihood:
 
 
 def wave_finding(baseline: Baseline, sea: SeaState, *, alone: bool) -> Finding:
-    """Return the recording's waves as a finding.
-
-    Args:
-        baseline: Baseline fit that allows for the waves.
-        sea: Waves.
-        alone: Whether there is no other finding.
-    """
+    """Return the recording's waves as a finding."""
     return Finding(
         "missing",
         WAVES.name,
@@ -209,10 +203,6 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
 def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
     """Return a model with its values shrunk to the file's, and the fit with standard errors.
 
-    Args:
-        model: Joint fit.
-        file: Vehicle file whose values are prior knowledge.
-
     Returns:
         Model and fit; the fit is None if no component is free.
     """
@@ -227,10 +217,6 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
 
     The order is: missing effects and unexplained error, the largest share first; new values of the file's
     effects; effects that the recording cannot show.
-
-    Args:
-        baseline: Vehicle file with its values refitted, and the recording.
-        outcome: Result of the search.
     """
     model = outcome.model
     remaining = unexplained(baseline, outcome)

@@ -64,9 +64,7 @@ def _judged(finding: Finding, own: dict[str, float]) -> Finding:
 
     New values of an existing effect are withdrawn instead.
 
-    Args:
-        finding: Finding.
-        own: Share of each effect that remains with steady wrenches free, see `own_shares`.
+    `own` is the share of each effect that remains with steady wrenches free, see `own_shares`.
     """
     share = own.get(finding.effect, 1.0)
     if finding.verdict not in STATED or share >= NEARLY_EQUAL:
@@ -116,9 +114,6 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
 
 def _with_wrenches(model: Model) -> Array:
     """Return the normal equations with six steady wrenches free in each stretch of the recording.
-
-    Args:
-        model: Fitted model with P components.
 
     Returns:
         Products of the columns of the wrenches, of the components and of the residual, for each of B

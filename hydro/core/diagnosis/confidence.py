@@ -247,9 +247,7 @@ def discounted_by_unexplained(finding: Finding, rest: float) -> Finding:
     correlated, and estimates of inertia or damping are biased.  A small effect may also absorb an error of
     the hull that no effect describes.
 
-    Args:
-        finding: Finding.
-        rest: Share of the error that no effect explains.
+    `rest` is the share of the error that no effect explains.
     """
     if rest < SIMILAR * finding.share:
         return finding
@@ -267,10 +265,6 @@ def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Find
 
     This applies above RIGHT times the noise, where formulas also absorb the hull's error: of 45 further names
     next to a right one none was right (`benchmarks.imperfect_base`, seeds 99000 to 99059).
-
-    Args:
-        findings: Findings in any order.
-        left: Mean squared residual of the model, in units of the noise.
     """
     most = max((finding.share for finding in findings), default=0.0)
     if left <= RIGHT or most <= 0.0:
@@ -293,9 +287,8 @@ def stated(finding: Finding) -> Finding:
 def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
-    Args:
-        frequency: Share of the resamples in which the effect has the least penalised cost, 0 to 1.
-        left: Mean squared residual of the model, in units of the noise.
+    `frequency` is the share of the resamples in which the effect has the least penalised cost, 0 to 1.
+    `left` is the mean squared residual of the model in units of the noise.
     """
     return frequency if left <= RIGHT else RIGHT_ABOVE * frequency
 

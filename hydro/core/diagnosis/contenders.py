@@ -417,11 +417,7 @@ class Contest:
         return [] if there else shapes(self.last.vehicle, name, reach=self.compared.log.track)
 
     def _at_finer_places(self, coarse: Mapping[str, Scored]) -> list[Table]:
-        """Return tables of effects at their best shapes, of the coarse or the finer grid, the best first.
-
-        Args:
-            coarse: Score and table of each effect, from the coarse grid of shapes.
-        """
+        """Return tables of effects at their best shapes, of the coarse or the finer grid, the best first."""
         finer = self.scored_by_one_step([one for name in coarse for one in self._shapes(name)])
         best = [max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in coarse.items()]
         return [table for _, table in sorted(best, key=lambda scored: -scored[0])]
@@ -454,13 +450,7 @@ def _is_stepwise(model: Model) -> bool:
 
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:
-    """Return the nonlinear effects of the file as candidates, because each may have changed.
-
-    Args:
-        vehicle: Vehicle.
-        without: Effects to leave out.
-        reach: Positions [m] and times [s] of the recording, (N, 4).
-    """
+    """Return the nonlinear effects of the file as candidates, because each may have changed."""
     there = dict.fromkeys(str(table["name"]) for table in vehicle.effect)
     curved = [name for name in there if name not in without and is_curved(name)]
     return [of_entries(vehicle, name, reach=reach) for name in curved if not wholly_known(vehicle, name)]

@@ -176,14 +176,7 @@ def _settled(model: Model, iterations: int, share: float) -> Model:
 
 
 def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
-    """Return the model at the starting values of a fit, linearised there.
-
-    Args:
-        vehicle: Vehicle.
-        effects: Names or starting tables of the effects that would be fitted.
-        problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
-    """
+    """Return the model at the starting values of a fit, linearised there."""
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
@@ -278,13 +271,6 @@ def fitted_or_kept(
 
     If the fit diverges, return the model with the vehicle's present values, and False.
 
-    Args:
-        vehicle: Vehicle.
-        effects: Names or starting tables of the effects to fit.
-        problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
-
     Raises:
         Diverges: The predictions diverge with the present values too.
     """
@@ -295,13 +281,7 @@ def fitted_or_kept(
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
-    """Return the model, or a better one found by a line search along each component with thresholds.
-
-    Args:
-        model: Fitted model.
-        iterations: Maximum number of steps of the fit after the search.
-        share: Least relative reduction of the cost by such a step.
-    """
+    """Return the model, or a better one found by a line search along each component with thresholds."""
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
@@ -310,14 +290,7 @@ def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
 
 
 def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = STEP_SHARE) -> Model:
-    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
-
-    Args:
-        model: Fitted model.
-        problem: Shots, starting at the measured states.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
-    """
+    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`)."""
     if model.excess < MATERIAL * model.normal.residuals:
         return model
     names = model.unknown.effects

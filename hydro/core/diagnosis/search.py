@@ -142,13 +142,6 @@ class Search:
         many parameters may be the answer although few blocks cannot test it alone.  Errors of the velocity
         sensor that kinematics shows come before any force.  Errors that kinematics refutes are dropped.
 
-        Args:
-            model: Model so far.
-            chosen: Effects that joined the model.
-            screening: Test of all candidates.
-            progress: Called with a short text and the share of the work done.
-            known: Existing fits by effect, which compete with the new ones.
-
         Returns:
             Fits by effect; only those in `known` if no gain is significant.
         """
@@ -180,14 +173,6 @@ class Search:
         known: Mapping[str, Model],
     ) -> dict[str, Model]:
         """Fit some candidates quickly, and the closest of them to convergence.
-
-        Args:
-            model: Model so far.
-            chosen: Effects that joined the model.
-            screening: Test of all candidates.
-            gains: Gain of each candidate to be fitted, by effect.
-            progress: Called with a short text and the share of the work done.
-            known: Existing fits by effect, which compete with the new ones.
 
         Returns:
             The fits to convergence over all shots, by effect.
@@ -243,13 +228,6 @@ class Search:
     ) -> dict[str, Model]:
         """Fit quickly those candidates whose gain is close to the largest.
 
-        Args:
-            chosen: Effects that joined the model.
-            screening: Test of all candidates.
-            gains: Gain of each candidate, by effect, the largest first.
-            known: Existing fits by effect.
-            progress: Called with a short text and the share of the work done.
-
         Returns:
             Existing and new fits, by effect.
         """
@@ -277,11 +255,6 @@ class Search:
 
         The fit restarts at the measured states, because initial states fitted with a poor model can hold a
         good one back.  If both starts diverge, the quick fit is returned.
-
-        Args:
-            quick: Quick fit.
-            before: Model that the candidate joins.
-            chosen: Names of the effects in the model, apart from the baseline's.
 
         Raises:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
@@ -441,9 +414,6 @@ class Search:
 
         A fit of such an effect that starts from zero does not find the values.
 
-        Args:
-            filed: Model with the file's values.
-
         Returns:
             Fits by effect, each from the best of several starting tables.
         """
@@ -480,10 +450,6 @@ class Search:
         effects outside the model, fitted together with the other findings; the least penalised cost wins.
         The newest finding has just done so, and competes only if another was dropped.  The only one left of
         several must be a finding about the baseline, too; a finding alone from the start is not tested.
-
-        Args:
-            outcome: Outcome of a search; not changed.
-            progress: Called with a short text and the share of the work done.
         """
         model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
@@ -536,9 +502,7 @@ class Search:
 def most_gain(effect: str, gain: float) -> float:
     """Return the largest gain in squared residual that a fit of an effect may have.
 
-    Args:
-        effect: Name of the effect.
-        gain: Gain in the linearised problem, which shows only a part of that of a nonlinear effect.
+    The gain in the linearised problem shows only a part of that of a nonlinear effect.
     """
     return gain * (SIMILAR / SIMILAR_CURVED if is_curved(effect) else 1.0)
 

@@ -135,12 +135,7 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
 
 
 def _counted(count: int, changed: bool) -> str:
-    """Return the number of confirmed findings in words.
-
-    Args:
-        count: Number of findings.
-        changed: Whether they are changes since an earlier recording.
-    """
+    """Return the number of confirmed findings in words."""
     if changed:
         return f"{count} {'effect has' if count == 1 else 'effects have'} changed"
     return f"The model needs {count} correction{'s' * (count > 1)}"

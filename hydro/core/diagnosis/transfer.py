@@ -204,9 +204,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
 
     Each is scored by the error that it removes from held-out data.
 
-    Args:
-        baseline: Vehicle file and shots, starting at the measured states.
-        progress: Called with a short text and the share of the work done.
+    The shots of the baseline start at the measured states.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
     problem = baseline.problem.some(SHOTS // 2)
@@ -257,9 +255,7 @@ def weighed(rival: Rival) -> Rival:
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
     """Return rivals, the best first, by score less a penalty for each component.
 
-    Args:
-        rivals: Fitted effects.
-        first: Effects whose best comes before all others if it has a share NEARLY_EQUAL of the best score.
+    The best effect of `first` comes before all others if it has a share NEARLY_EQUAL of the best score.
     """
     order = sorted(rivals, key=lambda one: VISIBLE * one.entries - one.score)
     best = order[0].score if order else 0.0
@@ -276,10 +272,6 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
 
     The priors are weighted by the mean squared residual of that fit (`Known.temper`), so the fit is made
     twice.
-
-    Args:
-        baseline: Vehicle file.
-        problem: Shots.
 
     Returns:
         The fit and the priors with its residual.

@@ -51,10 +51,7 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     tests show, because noise does not cause it.  If no effect was found either, the verdict is
     `far_from_noise`.
 
-    Args:
-        baseline: Vehicle file and shots.
-        outcome: Result of the search.
-        stated: Whether an effect is confirmed that no search found, as by transfer.
+    `stated` says whether an effect is confirmed that no search found, as by transfer.
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
@@ -197,8 +194,7 @@ def wrenches_of_pulls(rotation: Array) -> Array:
 def steady_disturbance(normal: Normal) -> float:
     """Return the mean squared residual that steady wrenches explain beyond chance, relative to the rest.
 
-    Args:
-        normal: Problem of `with_steady_wrenches`.
+    The problem is that of `with_steady_wrenches`.
 
     Returns:
         Ratio to the mean square of what remains; 0 on average where the residual is white noise of any size.

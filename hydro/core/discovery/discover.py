@@ -230,12 +230,6 @@ def discovered(
 ) -> Diagnosis:
     """Return a diagnosis with a discovered formula if the catalogue leaves an unexplained residual.
 
-    Args:
-        vehicle: The vehicle file.
-        log: The preprocessed recording.
-        diagnosis: Diagnosis of the file from this recording.
-        progress: Called with a few words and the share of the work done.
-
     Returns:
         A diagnosis; that given if nothing is unexplained or no term reduces held-out error.  If the formula
         has a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the

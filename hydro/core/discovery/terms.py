@@ -54,11 +54,7 @@ class Term:
 
 
 def library(commands: int = 0) -> list[Term]:
-    """Return all candidate terms, axis by axis; a term with a free power appears once per initial power.
-
-    Args:
-        commands: Number of the vehicle's thrusters and servos.
-    """
+    """Return all candidate terms, axis by axis; a term with a free power appears once per initial power."""
     names = COMMAND_NAMES[:commands]
     return [term for axis in AXES for term in (*of_axis(axis), *of_commands(axis, names))]
 
@@ -101,9 +97,7 @@ def of_axis(axis: str) -> Iterator[Term]:
 def even(term: Term, *odd: str) -> Term:
     """Return a term, with a lower preference if port-starboard symmetry of the hull rules it out.
 
-    Args:
-        term: Candidate term.
-        odd: Velocities or gravity components in the term that change its sign.
+    `odd` are the velocities or gravity components in the term that change its sign.
     """
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)

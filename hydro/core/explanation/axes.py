@@ -20,10 +20,6 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
 
     The errors of both steps are paired by stretch.  Blocks of successive stretches are resampled by the
     Bayesian bootstrap.  A rise of the error by less than NEGLIGIBLE is not material.
-
-    Args:
-        before: Squared errors of the earlier step.
-        after: Squared errors of the later step over the same stretches.
     """
     seen = np.flatnonzero(before.counts.sum(axis=0))
     if len(before.sums) < 2 or not seen.size:

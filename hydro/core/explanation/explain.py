@@ -129,12 +129,7 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
 
 
 def ending(steps: Sequence[Step], wanted: Sequence[str] = ()) -> str:
-    """Return the reason why a study has no further step, once `explain` has ended.
-
-    Args:
-        steps: All steps.
-        wanted: Effects of the findings that were to be added; empty where each step chose its own.
-    """
+    """Return the reason why a study has no further step, once `explain` has ended."""
     if wanted:
         return "all requested findings are added"
     return over(steps) or _with_suspects(NO_BETTER, steps[-1])

@@ -69,8 +69,7 @@ class Step:
     def error(self, dataset: str) -> float | None:
         """Return the error of all velocities together, HORIZON ahead [m/s]; None without such data.
 
-        Args:
-            dataset: One of DATASETS.
+        `dataset` is one of DATASETS.
         """
         row = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
         return None if row.is_empty() else float(row["rmse"][0])

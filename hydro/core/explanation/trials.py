@@ -86,14 +86,7 @@ class Recordings:
     def of(
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
-        """Return both recordings preprocessed; the held-out one gets the order of commands of the other one.
-
-        Args:
-            vehicle: Vehicle file of step 0.
-            raw: Raw table of the recording of all fits.
-            holdout: Raw table of the held-out recording; None without one.
-            hull: Hull-force model from a recording before a change; None without one.
-        """
+        """Return both recordings preprocessed; the held-out one gets the other one's order of commands."""
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
@@ -118,10 +111,6 @@ class Recordings:
         Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
         from the noise.  Logged initial states keep the noise of the log: an error of the model does not make
         the sensors worse, and free initial states would absorb part of it.
-
-        Args:
-            vehicle: Vehicle that predicts.
-            most: Maximum number of shots.
         """
         enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
@@ -149,10 +138,7 @@ class Recordings:
 
         With a hull-force model the table has rows of the level `hull` too.
 
-        Args:
-            vehicle: Vehicle file.
-            log: `log` or `holdout` of this object.
-            progress: Called with a short text and the share of the work done.
+        `log` is one of the two recordings of this object.
         """
         yardstick = self.yardstick if log is self.log else self.yardstick.of_others
         found = compare(vehicle, log.raw, record=log.observed, yardstick=yardstick, progress=progress)
@@ -167,10 +153,7 @@ class Recordings:
     ) -> Squares:
         """Return the squared errors of held-out stretches, HORIZON ahead; each fit leaves some stretches out.
 
-        Args:
-            vehicle: Vehicle with starting values.
-            fitted: Effects that are fitted.
-            problem: Shots for the fits; by default those of `judged`.
+        By default the fits use the shots of `judged`.
         """
         begun = (problem or self.judged(vehicle)).at_measured_states(vehicle)
         return left_out_squares(vehicle, fitted, begun, self.log.shots(HORIZON))
@@ -184,10 +167,6 @@ class Recordings:
 
         An axis counts only if zero velocity would be significantly worse than before, or better than after.
         Otherwise its prediction was worthless before.
-
-        Args:
-            before: Squared errors of the earlier vehicle.
-            after: Squared errors of the later vehicle over the same stretches.
         """
         rest = squares_at_rest(self.log.shots(HORIZON))
         lost = {*worse_axes(before, rest), *worse_axes(rest, after)}
@@ -210,10 +189,6 @@ class Recordings:
 
         Predictions of a vehicle that is far from the noise may leave the measured motion, where effects would
         act otherwise.  Then effects are ranked by equation error, along that motion.
-
-        Args:
-            vehicle: Vehicle.
-            own: Names of its effects that are fitted together with each tried effect.
         """
         if not self.is_far(vehicle):
             problem = OutputError.of(self.problem.shots, vehicle)
@@ -260,12 +235,6 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.  Far
     from the noise, pairs of the best candidates are tried where none alone is better: one may be needed for
     the values of the other, as added mass and the cross terms of damping.
-
-    Args:
-        last: Last step, whose diagnosis gives the candidates.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        progress: Called with a short text and the share of the work done.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -432,15 +401,7 @@ def quick_fits(
     problem: OutputError,
     progress: Progress,
 ) -> Iterator[Quick]:
-    """Yield fits with few iterations of the candidates, and of their simpler special cases, if they converge.
-
-    Args:
-        last: Last step.
-        every: Candidates: tables by effect, the new effect first.
-        recordings: Both recordings.
-        problem: Shots of the fits.
-        progress: Called with a short text and the share that is done.
-    """
+    """Yield quick fits of the candidates, and of their simpler special cases, if they converge."""
 
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)
@@ -481,14 +442,7 @@ def _trial(
     """Fit all effects of the last step and a candidate together.
 
     With a hull-force model, velocity sensor errors keep the values that kinematics shows, because the error
-    of the hull model would bias them.
-
-    Args:
-        last: Last step.
-        found: Tables of the candidate by effect.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        tried: Vehicle with the values of a quick fit, another starting point; None without one.
+    of the hull model would bias them.  Further fits may start at `tried`, the vehicle of a quick fit.
 
     Raises:
         DataError: The fit diverges.
