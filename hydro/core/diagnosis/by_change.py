@@ -406,14 +406,12 @@ def _finding(
         words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = change.confidence(given) * weight_of_values(fit, file, name)
     sure = limited_confidence(sure, fit.vehicle, name, errors if left <= RIGHT else None)
-    found = Finding(
+    found = Finding.of(
         "retune" if known else "missing",
         name,
-        (name,),
-        *explained_share(change.whole - change.best.costs, change.whole, 1),
+        (parameters, errors),
+        explained_share(change.whole - change.best.costs, change.whole, 1),
         confidence=min(sure, most),
-        parameters=parameters,
-        standard_errors=errors,
         advice=words,
         support=frequency[name],
     )

@@ -361,20 +361,9 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
         words: Advice.
     """
     pieces = block_length(model.normal.score)
-    share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
-    values, errors = fit.table(rival.effect)
-    return Finding(
-        "suspect",
-        rival.effect,
-        (rival.effect,),
-        share,
-        low,
-        high,
-        parameters=values,
-        standard_errors=errors,
-        advice=advice.suspecting(rival.effect, words),
-        support=rival.score,
-    )
+    share = explained_share(without.costs - model.costs, without.excesses, pieces)
+    told, table = advice.suspecting(rival.effect, words), fit.table(rival.effect)
+    return Finding.of("suspect", rival.effect, table, share, advice=told, support=rival.score)
 
 
 def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:

@@ -100,18 +100,9 @@ class ByLikelihood:
 
 def wave_finding(baseline: Baseline, sea: SeaState, *, alone: bool) -> Finding:
     """Return the recording's waves as a finding."""
-    return Finding(
-        "missing",
-        WAVES.name,
-        (WAVES.name,),
-        baseline.calmed,
-        confidence=1.0,
-        p_value=sea.p_value,
-        parameters=sea.parameters,
-        standard_errors=sea.errors,
-        advice=advice.in_waves(sea.parameters, sea.speed, alone),
-        support=1.0,
-    )
+    words, values = advice.in_waves(sea.parameters, sea.speed, alone), (sea.parameters, sea.errors)
+    sure = {"confidence": 1.0, "support": 1.0, "p_value": sea.p_value}
+    return Finding.of("missing", WAVES.name, values, (baseline.calmed,), advice=words, **sure)
 
 
 def selected(
@@ -259,7 +250,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     log, model, effect = baseline.log, outcome.model, found.effect
     without = outcome.without[effect]
     pieces = block_length(model.normal.score)
-    share, low, high = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
+    share = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
     tied = selection_frequency(found.rivals, effect)
     fit = _joint(outcome)
     parameters, errors = fit.table(effect)
@@ -277,17 +268,14 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         words = advice.adding(effect, parameters, log.record.dt)
     words += unconfirmed(effect, without, model, baseline.problem.shots.session)
     sure = by_likelihood_confidence(tied[effect], model.normal.chi2)
-    return Finding(
+    return Finding.of(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,
-        tuple(tied),
+        (parameters, errors),
         share,
-        low,
-        high,
-        limited_confidence(sure, fit.vehicle, effect, errors),
-        found.p_value,
-        parameters,
-        errors,
+        members=tuple(tied),
+        confidence=limited_confidence(sure, fit.vehicle, effect, errors),
+        p_value=found.p_value,
         advice=words,
         support=tied[effect],
     )
@@ -319,9 +307,8 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield a finding for the damping without which the file's predictions diverge, if it was added."""
     for name in baseline.effects:
         if not baseline.vehicle.effects(name):
-            values, errors = _joint(outcome).table(name)
             words = advice.suspecting(name, "without it the predicted motion diverges")
-            yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
+            yield Finding.of("suspect", name, _joint(outcome).table(name), advice=words)
 
 
 def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
@@ -356,14 +343,12 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
             sure = by_likelihood_confidence(frequency, model.normal.chi2)
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
-            yield Finding(
+            yield Finding.of(
                 "retune",
                 name,
-                (name,),
-                share,
+                (values, errors),
+                (share,),
                 confidence=limited_confidence(sure, _joint(outcome).vehicle, name, errors),
                 p_value=p,
-                parameters=values,
-                standard_errors=errors,
                 advice=advice.retuning(name, farthest),
             )

@@ -50,6 +50,8 @@ and no effect was found, so that the missing effect is unknown.  `closed_loop` i
 other findings: the commands react to the motion, and an effect may imitate a disturbance.
 """
 
+Table = tuple[Mapping[str, Any], Mapping[str, Any]]
+"""Values of an effect by parameter, and their standard errors in the same form."""
 LACKING = ("missing", "cannot_tell_apart")
 """Verdicts on confirmed effects that the file lacks."""
 STATED = (*LACKING, "retune")
@@ -106,6 +108,23 @@ class Finding:
     support: float = math.nan
     error_added: float = math.nan
     sentence: str = ""
+
+    @classmethod
+    def of(
+        cls, verdict: Verdict, effect: str, table: Table, share: Sequence[float] = (), **more: Any
+    ) -> Finding:
+        """Return a finding with the values of one effect.
+
+        Args:
+            verdict: Verdict.
+            effect: Name of the effect.
+            table: Values and standard errors, as of `Fit.table`.
+            share: Share of the error, and the ends of its 95 % interval, as far as they are known.
+            more: Further attributes; `members` is the effect alone by default.
+        """
+        values, errors = table
+        members = more.pop("members", (effect,))
+        return cls(verdict, effect, members, *share, parameters=values, standard_errors=errors, **more)
 
 
 @dataclass(frozen=True)

@@ -24,15 +24,13 @@ def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicl
     """
     values = {key: value for key, value in test.table.items() if key != "name"}
     sure = 1.0 - test.p_value
-    return Finding(
+    return Finding.of(
         "retune" if vehicle.effects(test.effect) else "missing",
         test.effect,
-        (test.effect,),
-        float(np.clip(share, 0.0, 1.0)),
+        (values, test.errors),
+        (float(np.clip(share, 0.0, 1.0)),),
         confidence=sure,
         p_value=test.p_value,
-        parameters=values,
-        standard_errors=test.errors,
         advice=f"{advice.adding(test.effect, values, dt)}; kinematics alone shows it, whatever forces act",
         support=sure,
     )

@@ -325,9 +325,8 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
         if name == FORMULA.name or not (np.abs(change[own]) > FAR_FROM_PRIOR).any():
             continue
         farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
-        values, errors = fit.table(name)
         words = f"belongs to the discovered terms, add both: {advice.retuning(name, farthest)}"
-        yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
+        yield Finding.of("suspect", name, fit.table(name), advice=words)
 
 
 def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
@@ -336,27 +335,17 @@ def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
     Its share is that of the held-out error which it removes, by sessions or by regimes, whichever is less.
     """
     model = choice.model
-    values, errors = fit.table(FORMULA.name)
+    table = fit.table(FORMULA.name)
     removed = first.left - choice.left
     which = int(np.argmin([np.nansum(one) for one in removed]))
     pieces = block_length(model.normal.score)
     both = np.isfinite(removed[which])
-    share, low, high = explained_share(removed[which][both], first.left[which][both], pieces)
+    share = explained_share(removed[which][both], first.left[which][both], pieces)
     words = (
-        f"{told(values, errors)}; it removes {share:.0%} of the held-out error. Check whether it is "
+        f"{told(*table)}; it removes {share[0]:.0%} of the held-out error. Check whether it is "
         f"physically plausible, then `hydro add --effect {FORMULA.name}`"
     )
-    return Finding(
-        "suspect",
-        FORMULA.name,
-        (FORMULA.name,),
-        share,
-        low,
-        high,
-        parameters=values,
-        standard_errors=errors,
-        advice=words,
-    )
+    return Finding.of("suspect", FORMULA.name, table, share, advice=words)
 
 
 def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, model: Model) -> list[int]:

@@ -109,9 +109,7 @@ def _unproven(one: Finding) -> Finding:
 
 def _finding(table: dict[str, Any], known: bool) -> Finding:
     """Return the finding that corresponds to an effect that a study added."""
-    values, errors = _values(table)
-    name = table["name"]
-    return Finding("retune" if known else "missing", name, (name,), parameters=values, standard_errors=errors)
+    return Finding.of("retune" if known else "missing", table["name"], _values(table))
 
 
 def _values(table: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
