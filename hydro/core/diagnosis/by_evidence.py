@@ -14,11 +14,7 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.confidence import (
-    by_evidence_confidence,
-    by_transfer_confidence,
-    explained_share,
-)
+from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence, explained_share
 from hydro.core.diagnosis.findings import (
     STATED,
     Diagnosis,
@@ -297,14 +293,7 @@ def _finding(
 ) -> Finding:
     """Return the finding of the named effect, with its share of the error beyond the noise.
 
-    Args:
-        rival: Named effect.
-        surveyed: Survey of all effects.
-        others: Other effects that may be named.
-        model: Model with the effect.
-        without: Model without it, whose error the share is of.
-        fit: Values and standard errors.
-        dt: Sample time of the recording [s].
+    `others` may be named instead; the share is of the error of `without`, the model without the effect.
     """
     values = fit.table(rival.effect)[0]
     if surveyed.by_evidence:
@@ -353,12 +342,7 @@ def _nearly_as_good(
 def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
     """Return an effect as an unconfirmed finding, with its values and its share of the error.
 
-    Args:
-        rival: Effect of the survey.
-        model: Model with the effect.
-        without: Model without it, whose error beyond the noise the share is of.
-        fit: Values and standard errors.
-        words: Advice.
+    The share is of the error of `without`, the model without the effect, beyond the noise.
     """
     pieces = block_length(model.normal.score)
     share = explained_share(without.costs - model.costs, without.excesses, pieces)

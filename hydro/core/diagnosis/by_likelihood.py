@@ -15,11 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from hydro.core.diagnosis.baseline import (
-    Baseline,
-    Found,
-    Outcome,
-)
+from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
@@ -110,12 +106,7 @@ def selected(
 ) -> tuple[Search, Outcome]:
     """Return a search by likelihood and its outcome, also where no model reaches the noise.
 
-    Args:
-        baseline: Vehicle file and shots.
-        progress: Called with a short text and the share of the work done.
-        in_vain: Whether an earlier search stayed far from the noise.  Above FAR_FROM_NOISE the effects are
-            then screened, and none is added.
-        provisional: Called with the best candidate after the first fits.
+    Where an earlier search was in vain, above FAR_FROM_NOISE, effects are screened and none is added.
     """
     some = baseline.thinned()
     if in_vain and baseline.refitted.normal.chi2 > FAR_FROM_NOISE:

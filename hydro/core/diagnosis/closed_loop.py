@@ -20,11 +20,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.findings import STATED, Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.settings import (
-    DISTINCT,
-    NEARLY_EQUAL,
-    STEADY_SECONDS,
-)
+from hydro.core.diagnosis.settings import DISTINCT, NEARLY_EQUAL, STEADY_SECONDS
 from hydro.core.diagnosis.unexplained import WRENCH, with_steady_wrenches
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved

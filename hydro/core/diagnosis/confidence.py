@@ -63,10 +63,6 @@ def resampled_shots(normal: Normal) -> int:
 def selection_frequency(rivals: Mapping[str, Model], best: str) -> dict[str, float]:
     """Return the share of the resamples in which each rival has the least penalised cost.
 
-    Args:
-        rivals: Model of each effect.
-        best: Effect whose residuals set the block length.
-
     Returns:
         Shares of `best` and of all effects that win at least a share NEGLIGIBLE, in descending order.
     """
@@ -195,12 +191,6 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     """Return a warning where held-out sessions do not confirm an effect; empty where they do.
 
     Only the effect's components are refitted, because one session alone may determine those of the others.
-
-    Args:
-        effect: Name of the effect.
-        without: Model without the effect.
-        model: Model with the effect.
-        session: Number of each shot's session, (S,).
     """
     own, unknown = model.unknown.places(effect), model.unknown
     change = model.values[own] - in_file(without.vehicle, [unknown.entries[i] for i in own])

@@ -232,11 +232,6 @@ class Contest:
     ) -> dict[str, Contender]:
         """Fit the candidates that score best after one Gauss-Newton step, and all effects of the current.
 
-        Args:
-            chosen: Effects that were added as changes already.
-            progress: Called with a short text and the share of the work done.
-            first_fits: Called once, with the fits of the first candidates.
-
         Returns:
             Fitted candidates, by effect.
         """
@@ -327,10 +322,7 @@ class Contest:
     ) -> Model:
         """Return a model of the last vehicle with several candidate effects fitted together.
 
-        Args:
-            tables: `[[effect]]` tables of the candidates, with the initial values.
-            iterations: Maximum number of steps.
-            about: Vehicle whose response to the hull force is used; by default that of `last`.
+        The response to the hull force is that of `about`, by default of `last`.
         """
         compared, last, reach = self.compared, self.last, self.compared.log.track
         if not any(CATALOGUE[str(table["name"])].kind in CHANGE_FLOW for table in tables):

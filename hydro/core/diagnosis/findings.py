@@ -163,9 +163,6 @@ class Prediction:
 def prediction_of(parameters: Mapping[str, Any]) -> Prediction | None:
     """Return the prediction errors in the parameters of a diagnosis; None if it has none.
 
-    Args:
-        parameters: Parameters in the footer of its table.
-
     Raises:
         DataError: They are not those of `Prediction`.
     """
@@ -387,13 +384,7 @@ def _table(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
-    """Return the reason why an effect cannot be added.
-
-    Args:
-        name: Name of the effect.
-        rows: Rows of the diagnosis table with values.
-        found: Effects that can be added.
-    """
+    """Return the reason why an effect cannot be added."""
     for row in rows.iter_rows(named=True):
         if name in row["members"]:
             return (
@@ -425,10 +416,6 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
     A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
     weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
     most DOUBTFUL.
-
-    Args:
-        finding: Any finding; only confirmed and unconfirmed thruster gains are changed.
-        record: Recording.
     """
     doubted = finding.verdict in (*LACKING, "suspect") and finding.effect == THRUSTER_GAIN.name
     if not doubted or record.shows(HORIZONTAL):
@@ -438,12 +425,7 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
-    """Return a finding with a warning in its advice about each value outside the range that physics allows.
-
-    Args:
-        finding: Finding, with or without values.
-        vehicle: Vehicle that the finding's values would be added to.
-    """
+    """Return a finding with a warning in its advice about each value outside its physical range."""
     if not finding.parameters:
         return finding
     table = {"name": finding.effect, **finding.parameters}

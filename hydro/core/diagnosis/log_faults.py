@@ -211,12 +211,6 @@ def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocesse
     The audit compares accelerations at one time, where the error of a poor hull-force model can look like an
     exchange of two thrusters.  Predictions can contradict it, because exchanged columns drive the vehicle
     elsewhere.  Without a gap-free stretch for a prediction, the audit alone decides.
-
-    Args:
-        vehicle: Vehicle file.
-        ordered: Recording with the order that the audit found.
-        plain: Recording with the order of the file.
-        hull: Hull-force model learnt from an earlier recording.
     """
     try:
         given, other = (_costs(vehicle, one, hull) for one in (plain, ordered))

@@ -114,10 +114,7 @@ def penalty(shots: int, parameters: int, chi2: float) -> float:
     A shot counts as one observation. So of two effects of which one includes the other, the smaller wins
     unless the larger explains more.
 
-    Args:
-        shots: Number of shots.
-        parameters: Number of parameters.
-        chi2: Mean squared residual in units of the noise; the penalty grows with it beyond 1.
+    It grows with the mean squared residual `chi2` beyond 1, in units of the noise.
     """
     return float(np.log(shots) * parameters * max(chi2, 1.0))
 
@@ -185,10 +182,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
 def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Model:
     """Return a new model whose fit continues from the values of another; that model stays as it is.
 
-    Args:
-        model: Model whose values are the start; the prior is the weak default one.
-        iterations: Maximum number of steps.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
+    The prior is the weak default one.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -355,10 +349,7 @@ class Screening:
 def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
     """Return the linearised test of candidates against a model's residual.
 
-    Args:
-        model: Model, over a part of the shots or all of them.
-        tried: Candidates.
-        shots: Number of all shots, to which the gains are scaled up.
+    Gains are scaled up from the model's shots to the number `shots` of all.
     """
     changed, steps = moved(model.unknown, model.values)
     own, places = range(len(changed)), list[tuple[Suspect, Columns]]()

@@ -51,11 +51,7 @@ from hydro.core.diagnosis.settings import (
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
-from hydro.core.identification.levenberg_marquardt import (
-    ITERATIONS,
-    Problem,
-    linear_step,
-)
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step
 from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
@@ -351,12 +347,7 @@ class Search:
         return Round(screening, None if best is None else Found(best, screening.p_value, fits))
 
     def belongs(self, state: Grown, step: Round) -> bool:
-        """Return whether a round found an effect that is material, or visible and shown by kinematics.
-
-        Args:
-            state: Model before the round.
-            step: The round; without a fitted effect the result is False.
-        """
+        """Return whether a round found an effect that is material, or visible and shown by kinematics."""
         if step.found is None:
             return False
         gain = state.model.normal.cost - step.found.model.normal.cost
@@ -370,9 +361,7 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether findings explain too small a share of the baseline fit's error to continue.
 
-        Args:
-            model: Model with the findings; it counts only if its residual is above RIGHT times the noise.
-            found: Findings; those that kinematics shows are not counted.
+        It counts only above RIGHT times the noise; findings that kinematics shows do not count.
         """
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
         least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
@@ -382,11 +371,6 @@ class Search:
         """Return whether another search should precede a second effect of this one.
 
         That is so if the first effect leaves more than `far` times the noise, and explains enough to go on.
-
-        Args:
-            model: Model with the findings so far.
-            found: Findings so far.
-            far: Mean squared residual in units of the noise.
         """
         return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
@@ -508,12 +492,7 @@ def most_gain(effect: str, gain: float) -> float:
 
 
 def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
-    """Return whether a search finds the same first effects as another one, without a better fit.
-
-    Args:
-        found: Effects of the search, in order.
-        others: Effects of the other search, in order.
-    """
+    """Return whether a search finds the same first effects as another one, without a better fit."""
     if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))

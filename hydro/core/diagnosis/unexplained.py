@@ -20,11 +20,7 @@ from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import (
-    FIT,
-    MATERIAL,
-    SMALL_STEP,
-)
+from hydro.core.diagnosis.settings import FIT, MATERIAL, SMALL_STEP
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation.remaining_force import leftover

@@ -265,10 +265,7 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
     The confidence in a force that was already unconfirmed is lowered only where the formula reaches the noise
     floor.
 
-    Args:
-        one: The finding.
-        left: Reduced chi-square of the formula.
-        leaves: Reduced chi-square of the diagnosis.
+    `left` and `leaves` are the reduced chi-squares of the formula and of the diagnosis.
     """
     named = one.verdict == "missing" or (one.verdict == "suspect" and left <= RIGHT)
     if not (named and _force(one) and np.isfinite(one.confidence)):

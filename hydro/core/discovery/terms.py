@@ -60,12 +60,7 @@ def library(commands: int = 0) -> list[Term]:
 
 
 def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
-    """Yield the candidate terms of one wrench axis that depend on a command.
-
-    Args:
-        axis: One of X Y Z K M N.
-        names: Names of the commands.
-    """
+    """Yield the candidate terms of one wrench axis that depend on a command."""
     for name in names:
         yield Term(f"{axis} {name}")
         yield Term(f"{axis} |{name}|^n sgn({name})", (2.0,))

@@ -16,9 +16,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import Status
-from hydro.core.diagnosis.settings import (
-    NEGLIGIBLE,
-)
+from hydro.core.diagnosis.settings import NEGLIGIBLE
 from hydro.core.evaluation.yardsticks import JUDGED, LEVEL, PREDICTORS, column
 from hydro.core.explanation.with_hull import BESIDE, FLOOR
 from hydro.core.explanation.with_hull import LEVEL as OF_HULL
@@ -110,12 +108,6 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
     """Return rows of the ladder from one comparison: errors of predictions over the whole recording.
 
     With a hull-force model, a row holds the error of all channels together in units of its floor.
-
-    Args:
-        number: Number of the step.
-        added: Effects that the step added.
-        dataset: One of DATASETS.
-        comparison: Comparison of the step's vehicle with that recording.
     """
     key = ["axis", "horizon"]
     beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("by") == BESIDE)

@@ -50,10 +50,6 @@ def options(step: Step) -> list[dict[str, Table]]:
 def finding_option(step: Step, effect: str) -> dict[str, Table]:
     """Return the choice that adds one finding of a diagnosis, with the new values of existing effects.
 
-    Args:
-        step: Step with the diagnosis.
-        effect: Name of the finding's effect.
-
     Returns:
         The `[[effect]]` tables to fit together, by effect name.
 
@@ -78,12 +74,7 @@ def is_open(step: Step) -> bool:
 
 
 def is_stated(last: Step, step: Step) -> bool:
-    """Return whether one step's diagnosis confirms all effects that the next step adds or refits.
-
-    Args:
-        last: Step with the diagnosis.
-        step: Next step.
-    """
+    """Return whether one step's diagnosis confirms all effects that the next step adds or refits."""
     return all(states(last, name) for name in step.added)
 
 

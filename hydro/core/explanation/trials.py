@@ -402,9 +402,6 @@ class QuickFits:
         The best is first.  Of fits whose errors are equal to within NEGLIGIBLE, that is the one with the
         fewest parameters; steady loads that do not improve its prediction are removed.  A confirmed effect
         need not predict better.
-
-        Args:
-            quick: Quick fits, the best first.
         """
         last, recordings = self.last, self.recordings
         before = recordings.left_out(last.vehicle, _fitted_there(last), self.problem)

@@ -83,10 +83,6 @@ def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str
 def _levels(normal: Normal, weight: Array) -> Array:
     """Return root mean square residuals of C channels and of all together, with 95 % intervals.
 
-    Args:
-        normal: Residuals of the shots.
-        weight: Weight of each shot, (S,).
-
     Returns:
         Value, lower and upper end, (3, C + 1); NaN for a channel without a sample.
     """
