@@ -45,7 +45,7 @@ from hydro.core.errors import listed
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import greatest_change, in_file
+from hydro.core.identification.prior import change_of, in_file
 from hydro.core.identification.suspects import is_curved
 from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
@@ -398,10 +398,7 @@ def _finding(
         words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
     if known:
-        own = fit.free.places(name)
-        entries = [fit.free.entries[i] for i in own]
-        greatest = greatest_change(file, entries, fit.values[own])
-        words = f"{advice.having_changed(name, greatest)}; {words}"
+        words = f"{advice.having_changed(name, change_of(name, file, fit.free, fit.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = change.confidence(given) * weight_of_values(fit, file, name)

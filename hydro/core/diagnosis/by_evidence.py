@@ -56,7 +56,7 @@ from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import greatest_change
+from hydro.core.identification.prior import change_of
 from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import shown
@@ -147,7 +147,7 @@ def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
             yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
-def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
+def by_transfer(baseline: Baseline, progress: Progress) -> Named:
     """Name the one change that the recording shows best; without one, the result has no findings.
 
     Candidates are ranked by evidence with the hull force free if the file has drag and the best evidence is
@@ -253,10 +253,8 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
 
 def _moved(rival: Rival, baseline: Baseline) -> bool:
     """Return whether a fit moves an existing effect FAR_FROM_PRIOR standard deviations from the file."""
-    unknown = rival.model.unknown
-    own = unknown.places(rival.effect)
-    entries = [unknown.entries[i] for i in own]
-    return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= FAR_FROM_PRIOR
+    change = change_of(rival.effect, baseline.vehicle, rival.model.unknown, rival.values)
+    return change.deviations >= FAR_FROM_PRIOR
 
 
 def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Model:

@@ -43,7 +43,7 @@ from hydro.core.experiment import advice
 from hydro.core.experiment.manoeuvres import best
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
+from hydro.core.identification.prior import ABSURD, change_of, greatest_change, in_file, shrunk_to_prior
 from hydro.core.prediction.normal_equations import block_length, covariance
 from hydro.core.progress import Progress, part
 from hydro.core.sea.sea_state import SeaState
@@ -102,7 +102,7 @@ def wave_finding(baseline: Baseline, sea: SeaState, *, alone: bool) -> Finding:
 
 
 def selected(
-    baseline: Baseline, progress: Progress, in_vain: bool = False, provisional: Told | None = None
+    baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None
 ) -> tuple[Search, Outcome]:
     """Return a search by likelihood and its outcome, also where no model reaches the noise.
 
@@ -254,7 +254,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
             flight = None
         words = advice.separating(list(tied), flight)
     elif known:
-        words = advice.retuning(effect, _change(effect, baseline, model))
+        words = advice.retuning(effect, change_of(effect, baseline.vehicle, model.unknown, model.values))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += unconfirmed(effect, without, model, baseline.problem.shots.session)
@@ -270,12 +270,6 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         advice=words,
         support=tied[effect],
     )
-
-
-def _change(effect: str, baseline: Baseline, model: Model) -> Change:
-    """Return the component of an existing effect that a model moves farthest, relative to its prior."""
-    own = model.unknown.places(effect)
-    return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
 def _joint(outcome: Outcome) -> Fit:
@@ -322,7 +316,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
-        farthest = _change(name, baseline, model)
+        farthest = change_of(name, baseline.vehicle, model.unknown, model.values)
         absurd = farthest.deviations > ABSURD
         if cost < much and not absurd:
             continue

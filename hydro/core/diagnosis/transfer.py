@@ -199,7 +199,7 @@ def resolved(problem: OutputError) -> OutputError:
     return problem.weighed(np.maximum(problem.shots.sigma, RESOLUTION))
 
 
-def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
+def survey(baseline: Baseline, progress: Progress) -> Survey:
     """Fit each effect of the catalogue together with the existing ones; return all fits, the best first.
 
     Each is scored by the error that it removes from held-out data.
@@ -230,8 +230,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
 
     candidates, found = _beginnings(baseline, refitted, known), list(shared(without, own))
     for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
-        if progress is not None:
-            progress(f"{name} tested on held-out data", number / len(candidates))
+        progress(f"{name} tested on held-out data", number / len(candidates))
         found.append(rival)
     rivals = [rival for rival in found if rival is not None]
     if has_drag(file):

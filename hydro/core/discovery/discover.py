@@ -49,7 +49,7 @@ from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR, moved
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import deviations, greatest_change, in_file
+from hydro.core.identification.prior import change_of, deviations, in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
 from hydro.core.progress import Progress, part, silent
 from hydro.core.vehicle.description import Vehicle
@@ -321,7 +321,7 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
         own = fit.free.places(name)
         if name == FORMULA.name or not (np.abs(change[own]) > FAR_FROM_PRIOR).any():
             continue
-        farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
+        farthest = change_of(name, file, fit.free, fit.values)
         words = f"belongs to the discovered terms, add both: {advice.retuning(name, farthest)}"
         yield Finding.of("suspect", name, fit.table(name), advice=words)
 
