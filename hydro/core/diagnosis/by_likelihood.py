@@ -98,7 +98,7 @@ def wave_finding(baseline: Baseline, sea: SeaState, *, alone: bool) -> Finding:
     """Return the recording's waves as a finding."""
     words, values = advice.in_waves(sea.parameters, sea.speed, alone), (sea.parameters, sea.errors)
     sure = {"confidence": 1.0, "support": 1.0, "p_value": sea.p_value}
-    return Finding.of("missing", WAVES.name, values, (baseline.calmed,), advice=words, **sure)
+    return Finding.of("missing", WAVES.name, values, baseline.calmed, advice=words, **sure)
 
 
 def selected(
@@ -332,7 +332,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 "retune",
                 name,
                 (values, errors),
-                (share,),
+                share,
                 confidence=limited_confidence(sure, _joint(outcome).vehicle, name, errors),
                 p_value=p,
                 advice=advice.retuning(name, farthest),

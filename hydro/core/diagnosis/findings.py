@@ -111,7 +111,12 @@ class Finding:
 
     @classmethod
     def of(
-        cls, verdict: Verdict, effect: str, table: Table, share: Sequence[float] = (), **more: Any
+        cls,
+        verdict: Verdict,
+        effect: str,
+        table: Table,
+        share: float | tuple[float, float, float] = math.nan,
+        **more: Any,
     ) -> Finding:
         """Return a finding with the values of one effect.
 
@@ -119,12 +124,13 @@ class Finding:
             verdict: Verdict.
             effect: Name of the effect.
             table: Values and standard errors, as of `Fit.table`.
-            share: Share of the error, and the ends of its 95 % interval, as far as they are known.
+            share: Share of the error, alone or with the ends of its 95 % interval.
             more: Further attributes; `members` is the effect alone by default.
         """
-        values, errors = table
-        members = more.pop("members", (effect,))
-        return cls(verdict, effect, members, *share, parameters=values, standard_errors=errors, **more)
+        middle, low, high = share if isinstance(share, tuple) else (share, math.nan, math.nan)
+        shares, (values, errors) = {"share": middle, "low": low, "high": high}, table
+        given = {"members": (effect,), "parameters": values, "standard_errors": errors, **shares, **more}
+        return cls(verdict, effect, **given)
 
 
 @dataclass(frozen=True)

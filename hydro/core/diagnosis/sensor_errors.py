@@ -28,7 +28,7 @@ def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicl
         "retune" if vehicle.effects(test.effect) else "missing",
         test.effect,
         (values, test.errors),
-        (float(np.clip(share, 0.0, 1.0)),),
+        float(np.clip(share, 0.0, 1.0)),
         confidence=sure,
         p_value=test.p_value,
         advice=f"{advice.adding(test.effect, values, dt)}; kinematics alone shows it, whatever forces act",
