@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recordings import damped
 
 from benchmarks.hidden_effects import vehicles
 from benchmarks.imperfect_logs.study import CONDITIONS
 from benchmarks.judge import __main__ as command
-from benchmarks.judge import board, rescore, rows
+from benchmarks.judge import board, candidates, rescore, rows
 from benchmarks.judge import results as files
+from benchmarks.judge.candidates import BLOCKS, in_blocks
 from benchmarks.judge.scores import Score, score
 from benchmarks.judge.studies import LISTS, Study
 from benchmarks.work import Results
 from hydro.core.diagnosis import confidence, settings
-from hydro.core.diagnosis.candidates import BLOCKS, in_blocks
+from hydro.core.diagnosis.by_change import Change, Changes
+from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.vehicle.description import Vehicle
 
@@ -298,6 +303,19 @@ def test_kept_blocks_are_few_multiples_of_the_block_length_and_lose_nothing(shot
     blocks = in_blocks(costs, size)
     assert len(blocks) <= BLOCKS
     assert blocks.sum() == pytest.approx(costs.sum())
+
+
+def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
+    """The best change of a step that was taken, and of one that was refused the model without any."""
+    model = cast(Any, SimpleNamespace(vehicle=damped(), values=np.zeros(1)))
+    rivals = {name: Contender(name, model, np.ones(8)) for name in ("thruster_gain", "buoyancy_offset")}
+    change = Change(rivals["thruster_gain"], rivals, np.full(8, 2.0), 1.0)
+    compared = SimpleNamespace(chi2=lambda _: 1.0)
+    regime = cast(Any, SimpleNamespace(compared=compared, first=model))
+    for refused in (None, change):
+        listed = candidates.of_changes(regime, Changes((change,), refused))
+        chosen = [(one["step"], one["effect"]) for one in listed if one["chosen"]]
+        assert chosen == [(0, "thruster_gain"), (1, "")][: 1 if refused is None else 2]
 
 
 @pytest.fixture(scope="module")

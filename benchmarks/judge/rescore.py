@@ -22,7 +22,6 @@ from hydro.core.diagnosis import by_change, by_evidence, confidence, contenders,
 from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import penalty
-from hydro.core.evaluation.block_resampling import weights
 
 Row = dict[str, Any]
 CONSTANTS = (
@@ -210,11 +209,9 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
     for _, rivals in steps:
         if not rivals:
             return
-        costs = np.stack([_penalised(row) for row in rivals], axis=1)
-        best = rivals[int(costs.sum(axis=0).argmin())]
-        drawn = weights(len(costs), settings.RESAMPLES, 0) @ costs
-        wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / settings.RESAMPLES
-        frequency = float(wins[rivals.index(best)])
+        costs = {row["effect"]: _penalised(row) for row in rivals}
+        best = min(rivals, key=lambda row: costs[row["effect"]].sum())
+        frequency = confidence.wins(costs, 1)[best["effect"]]
         sure = confidence.by_likelihood_confidence(frequency, left)
         yield best["effect"], sure
         if not best["chosen"]:

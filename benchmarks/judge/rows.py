@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from benchmarks.judge.candidates import candidates
 from benchmarks.judge.studies import LISTS, Study
-from hydro.core.diagnosis.candidates import Candidate
 from hydro.core.diagnosis.findings import WITH_VALUES, Diagnosis, Finding, extended
 from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.effects import CATALOGUE
@@ -87,7 +87,7 @@ OF_ROW: dict[str, Any] = {
 
 `off` are differences from the truth in standard errors, entry by entry; `affected` says which entries the
 hidden effect changes.  The other columns are those of `core.diagnosis.findings.Finding` and
-`core.diagnosis.candidates.Candidate`.
+`benchmarks.judge.candidates`.
 """
 SCHEMA = OF_STUDY | OF_ROW
 KEY = ("list", "seed", "seconds")
@@ -113,7 +113,7 @@ def run(name: str, seed: int, seconds: float, folder: Path) -> list[Row]:
         found = diagnose(study.given, study.measured, before=study.before)
         shared["cpu"] = time.process_time() - clock
         shared |= dict(zip(("chi2_given", "chi2_own", "chi2_end"), found.chi2, strict=True))
-        rows = [*_findings(study, found), *map(_candidate, found.candidates)]
+        rows = [*_findings(study, found), *map(_candidate, candidates(found))]
         shared |= _errors(study, found)
     except Exception as error:  # a failed study is a result; the others continue
         shared["failure"] = f"{type(error).__name__}: {error}"
@@ -142,26 +142,10 @@ def _findings(study: Study, found: Diagnosis) -> Iterator[Row]:
         }
 
 
-def _candidate(one: Candidate) -> Row:
-    """Return the row of one candidate."""
-    return dict.fromkeys(OF_ROW) | {
-        "role": "candidate",
-        "engine": one.engine,
-        "step": one.step,
-        "effect": one.effect,
-        "chosen": one.chosen,
-        "own": one.own,
-        "plausible": one.plausible,
-        "entries": one.entries,
-        "shots": one.shots,
-        "costs": one.costs.tolist(),
-        **{
-            name: _finite(getattr(one, name))
-            for name in ("chi2", "residuals", "left_out", "evidence", "lead")
-        },
-        "absorbs": one.absorbs,
-        "values": _text(one.values),
-    }
+def _candidate(one: Row) -> Row:
+    """Return the row of one candidate in the form of the table."""
+    finite = {name: _finite(value) for name, value in one.items() if isinstance(value, float)}
+    return dict.fromkeys(OF_ROW) | {"role": "candidate"} | one | finite | {"values": _text(one["values"])}
 
 
 def _against_truth(study: Study, one: Finding) -> tuple[list[float] | None, list[bool] | None]:

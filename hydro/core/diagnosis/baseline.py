@@ -139,9 +139,7 @@ class Baseline:
         a share FURTHER of the error of the present model.  Where other effects explain most of the error, a
         small share of the first is a large share of the second.
 
-        Args:
-            gain: Reduction of the squared residual, in units of the noise variance.
-            before: Present model.
+        `gain` is in units of the noise variance.
         """
         much = gain >= FURTHER * before.excess
         return self.visible(gain) and (much or gain >= MATERIAL * self.refitted.excess)
@@ -149,18 +147,14 @@ class Baseline:
     def visible(self, gain: float) -> bool:
         """Return whether a reduction of the squared residual would be visible in a replay.
 
-        Args:
-            gain: Reduction, in units of the noise variance; it is visible from a share VISIBLE of the noise.
+        `gain` is in units of the noise variance; it is visible from a share VISIBLE of the noise.
         """
         return gain >= VISIBLE * self.refitted.normal.residuals
 
     def belongs(self, effect: str, gain: float, before: Model) -> bool:
         """Return whether an effect is a finding: it is material, or visible and shown by kinematics.
 
-        Args:
-            effect: Name of the effect.
-            gain: Reduction of the squared residual by the effect, in units of the noise variance.
-            before: Model without the effect.
+        `gain` is the reduction of the squared residual by the effect, in units of the noise variance.
         """
         return self.material(gain, before) or (self.sure(effect) and self.visible(gain))
 
@@ -233,10 +227,6 @@ def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputEr
     damping from an equation-error fit, which integrates nothing, replaces the file's linear damping.  If that
     diverges too, it replaces all damping of the file.
 
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
-
     Raises:
         DataError: The recording is too short, or the predictions of every start diverge.
     """
@@ -259,10 +249,6 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     """Return a recording cut into shots as long as possible, without shots whose predictions diverge.
 
     Shots are shortened until most predictions of the vehicle stay bounded.
-
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
 
     Raises:
         DataError: The recording is too short.
@@ -300,12 +286,7 @@ def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehi
 
     Each channel is weighted by its noise, white or coloured.
 
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
-        problem: Shots, starting at the measured states.
-        start: Vehicle from which the fit starts: the file, or one with other damping if the predictions of
-            the file diverge.
+    `start` is the file, or a vehicle with other damping if the predictions of the file diverge.
     """
     effects, warnings = own_effects(start), []
     refitted, problem, reached = weighed_fit(start, effects, problem, log)
@@ -349,13 +330,6 @@ def weighed_fit(
     vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = STEP_SHARE
 ) -> tuple[Model, OutputError, bool]:
     """Fit effects with each channel weighted by its noise, white or coloured.
-
-    Args:
-        vehicle: Vehicle.
-        effects: Names or starting tables of the effects.
-        problem: Shots, starting at the measured states.
-        log: Preprocessed recording.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
 
     Returns:
         The model, or the vehicle with its starting values where the fit diverges; the weighted shots; and

@@ -8,7 +8,7 @@ hull model on held-out stretches of the earlier recording.  A smaller effect is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,16 +18,8 @@ import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
-from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated
-from hydro.core.diagnosis.contenders import (
-    Compared,
-    Contender,
-    contend,
-    fitted,
-    fitted_together,
-    with_hull_response,
-)
+from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated, wins
+from hydro.core.diagnosis.contenders import Compared, Contender, Contest
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
@@ -44,29 +36,24 @@ from hydro.core.diagnosis.settings import (
     MOST_FINDINGS,
     NEGLIGIBLE,
     QUICK_STEPS,
-    RESAMPLES,
     RIGHT,
     SURE,
     SUSPECT_SPREAD,
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import listed
-from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import greatest_change, in_file
+from hydro.core.identification.prior import change_of, in_file
 from hydro.core.identification.suspects import is_curved
-from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import Entry, free
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.imitation import imitations
 from hydro.core.residual.joint_posterior import joint_posterior
-from hydro.core.residual.recomputed import Recomputed
 from hydro.core.residual.regression import robust
-from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -105,13 +92,6 @@ class ByChange:
         told: Told | None = None,
     ) -> ByChange:
         """Compare a vehicle file with a recording after a change.
-
-        Args:
-            vehicle: Vehicle file.
-            log: Recording after the change.
-            hull: Hull-force model learnt from the earlier recording.
-            further: Whether the vehicle has changes already, so that the next one must be larger.
-            told: Called with the best candidate after the first fits, or with a sensor error found before.
 
         Returns:
             The regime with the compared recording, ready for `select`.
@@ -172,7 +152,7 @@ class ByChange:
         here(f"{count} changes found, looking for more", 0.0)
         names = [*(one.effect for one in self.errors), *(one.best.effect for one in changes.found)]
         first_fits = self._tell if self.told is not None and not (count or self.errors) else None
-        return Change.of(self.compared, last, contend(self.compared, last, names, here, first_fits))
+        return Change.of(self.compared, last, Contest(self.compared, last).fits(names, here, first_fits))
 
     def belongs(self, changes: Changes, change: Change) -> bool:
         """Return whether the best candidate of a step is large enough to be named after `changes`."""
@@ -214,14 +194,14 @@ class ByChange:
         return were_there_before(self.compared, self.file, plain)
 
     def diagnosis(self, changes: Changes, findings: Sequence[Finding]) -> Diagnosis:
-        """Return the diagnosis: findings, the vehicle with all changes, and every candidate.
+        """Return the diagnosis: findings, and the vehicle with all changes.
 
         Mean squared residuals are in units of the floor of the hull model.
         """
-        last, tried = self._last(changes), tuple(_candidates(self.compared, self.first, changes))
+        last = self._last(changes)
         tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
         chi2 = (self.given, self.given, self.compared.chi2(last))
-        return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2, candidates=tried)
+        return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2)
 
     def _sensor_findings(self) -> list[Finding]:
         """Return the errors of the velocity sensor as findings."""
@@ -252,11 +232,6 @@ def were_there_before(compared: Compared, file: Vehicle, changed: Vehicle) -> bo
     The vehicle did not have the changes then, so they must fit that recording worse than the hull-force
     model. Otherwise the file is so far from the vehicle that this model could not be learnt, and no change
     can be named.
-
-    Args:
-        compared: Recording after the change, with the hull-force model.
-        file: Vehicle file.
-        changed: File with all changes.
     """
     sigma = compared.problem.shots.sigma
     then = compared.hull.measured.weighed(sigma).at_measured_states(changed)
@@ -294,13 +269,7 @@ class Change:
 
     @classmethod
     def of(cls, compared: Compared, last: Model, rivals: Mapping[str, Contender]) -> Change | None:
-        """Return the step with the best of the fitted candidates; None without candidates.
-
-        Args:
-            compared: Recording after the change.
-            last: Vehicle with the changes so far.
-            rivals: Fitted candidates, by effect.
-        """
+        """Return the step with the best of the fitted candidates; None without candidates."""
         whole = compared.left_out(last.normal.of([]))
         if not rivals:
             return None
@@ -348,8 +317,7 @@ class Change:
         It is the share of the resamples that the candidate wins, times the probability that its lead is not
         due to chance (`lead_confidence`).
 
-        Args:
-            given: Squared residual of the file as given, in units of `floor`.
+        `given` is the squared residual of the file as given, in units of `floor`.
         """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
@@ -359,28 +327,16 @@ class Change:
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named.
 
-        Args:
-            further: Whether the vehicle has changes already; then the change must be larger.
+        It must be larger where the vehicle has changes already (`further`).
         """
         if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
-    def wins(self, seed: int = 0) -> dict[str, float]:
-        """Return the share of bootstrap resamples of the shots in which each rival is the best, by effect.
-
-        The largest share comes first.
-
-        Args:
-            seed: Seed of the resamples.
-        """
-        names = list(self.rivals)
-        penalties = np.array([self.penalty(self.rivals[name]) for name in names])
-        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + penalties / len(self.whole)
-        drawn = weights(len(costs), RESAMPLES, seed) @ costs
-        part = np.bincount(drawn.argmin(axis=1), minlength=len(names)) / RESAMPLES
-        order = np.argsort(-part, kind="stable")
-        return {names[i]: float(part[i]) for i in order}
+    def wins(self) -> dict[str, float]:
+        """Return the share of resamples of the shots in which each rival is the best, the largest first."""
+        shots = len(self.whole)
+        return wins({name: one.costs + self.penalty(one) / shots for name, one in self.rivals.items()}, 1)
 
 
 @dataclass(frozen=True)
@@ -403,71 +359,19 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
 
     A candidate with a threshold may appear only after a poorer candidate has moved the start of its fit.
 
-    Args:
-        compared: Recording after the change.
-        first: Vehicle without the changes.
-        changes: Changes, in the order of the search; other numbers than two are returned as they are.
+    `changes` are in the order of the search; other numbers than two are returned as they are.
     """
     if len(changes) != 2:
         return changes
     before, name = changes[0], changes[1].best.effect
     (table,) = changes[1].best.model.vehicle.effects(name)
     try:
-        alone = fitted(compared, first, table)
+        alone = Contest(compared, first).fitted(table)
     except (Diverges, np.linalg.LinAlgError):
         return changes
     if before.penalised(alone) >= before.penalised(before.best):
         return changes
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
-
-
-def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Candidate]:
-    """Yield every fitted candidate, and at each step the model without a further change.
-
-    Args:
-        compared: Recording after the change.
-        first: Vehicle without the changes.
-        those: Result of the search.
-    """
-    last = first
-    for step, change in enumerate([*those.found, *([those.refused] if those.refused else [])]):
-        taken = step < len(those.found)
-        yield _candidate(compared, step, "", not taken, change, Contender("", last, change.whole), first)
-        for name, rival in change.rivals.items():
-            chosen = taken and name == change.best.effect
-            yield _candidate(compared, step, name, chosen, change, rival, first)
-        last = change.best.model
-
-
-def _candidate(
-    compared: Compared, step: int, name: str, chosen: bool, change: Change, rival: Contender, first: Model
-) -> Candidate:
-    """Return the scores of one fitted candidate of a step.
-
-    Args:
-        compared: Recording after the change.
-        step: Number of the step.
-        name: Effect; empty for the model without a further change.
-        chosen: Whether the diagnosis took it.
-        change: Step of the search.
-        rival: Fitted candidate.
-        first: Vehicle without the changes.
-    """
-    return candidate_of(
-        "change",
-        step,
-        name,
-        rival.model.vehicle,
-        chosen=chosen,
-        entries=len(rival.model.values),
-        shots=len(rival.costs),
-        costs=in_blocks(rival.costs),
-        chi2=compared.chi2(rival.model),
-        residuals=change.floor,
-        left_out=float(1.0 - rival.left / change.whole.sum()),
-        own=bool(name) and bool(first.vehicle.effects(name)),
-        absorbs=CATALOGUE[name].identification.absorbs if name else 0.0,
-    )
 
 
 def _finding(
@@ -484,34 +388,29 @@ def _finding(
         left: Mean squared residual with all changes, in floors.
         most: Greatest confidence, less than 1 if the hull-force model does not describe the vehicle.
     """
-    name, wins = change.best.effect, change.wins()
+    name, frequency = change.best.effect, change.wins()
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
-    rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= NEGLIGIBLE]
-    if rivals:
-        words += f"; in part of the resamples another effect wins: {', '.join(rivals)}"
+    others = [f"{one} ({part:.0%})" for one, part in frequency.items() if one != name and part >= NEGLIGIBLE]
+    if others:
+        words += f"; in part of the resamples another effect wins: {', '.join(others)}"
     if left > RIGHT:
         words += f"; the residual is still {left:.3g} times the floor, and no candidate explains it"
     known = bool(file.effects(name))
     if known:
-        own = fit.free.places(name)
-        entries = [fit.free.entries[i] for i in own]
-        greatest = greatest_change(file, entries, fit.values[own])
-        words = f"{advice.having_changed(name, greatest)}; {words}"
+        words = f"{advice.having_changed(name, change_of(name, file, fit.free, fit.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
     sure = change.confidence(given) * weight_of_values(fit, file, name)
     sure = limited_confidence(sure, fit.vehicle, name, errors if left <= RIGHT else None)
-    found = Finding(
+    found = Finding.of(
         "retune" if known else "missing",
         name,
-        (name,),
-        *explained_share(change.whole - change.best.costs, change.whole, 1),
+        (parameters, errors),
+        explained_share(change.whole - change.best.costs, change.whole, 1),
         confidence=min(sure, most),
-        parameters=parameters,
-        standard_errors=errors,
         advice=words,
-        support=wins[name],
+        support=frequency[name],
     )
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
@@ -525,11 +424,6 @@ def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
     whose covariance includes the hull model's error.  Each value costs one (Burnham and Anderson 2002, sec.
     2.9).  It is 1 for a new effect that is not linear in its values, where the distance from 0 shows nothing
     (Hauck and Donner 1977).
-
-    Args:
-        fit: Joint posterior.
-        file: Vehicle file.
-        effect: Name of the effect.
     """
     if is_curved(effect) and not file.effects(effect):
         return 1.0
@@ -544,17 +438,14 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
 
     Components that start at the file's values stay there: the diagnosis has found that they are not needed.
 
-    Args:
-        file: Vehicle file as given.
-        log: Recording after the change.
-        hull: Hull-force model learnt from the earlier recording.
-        changes: `[[effect]]` tables with starting values.
+    `changes` are `[[effect]]` tables with starting values.
 
     Raises:
         DataError: The recording is too short, or the predictions diverge.
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
-    model = with_hull_response(compared, first, fitted_together(compared, first, changes))
+    contest = Contest(compared, first)
+    model = contest.with_hull_response(contest.fitted_together(changes))
     entries = model.unknown.entries
     given = in_file(first.vehicle, entries)
     held = in_file(extended(file, changes), entries) == given
@@ -571,17 +462,11 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
 
     These move to the posterior mean if that lowers the error, and otherwise stay as fitted.  Damping and
     added mass stay passive.  The distance of the values from the posterior mean adds to their covariance.
-
-    Args:
-        compared: Recording after the change.
-        file: Vehicle file.
-        vehicle: Vehicle with its changes, as fitted.
-        entries: Components that the search needs.
     """
-    names, shots = list(dict.fromkeys(entry.effect for entry in entries)), compared.problem.shots
+    names = list(dict.fromkeys(entry.effect for entry in entries))
     unknown = free(vehicle, names, reach=compared.log.track)
     values, scales, unchanged = unknown.starts[0], unknown.scales, compared.unchanged
-    problem = Recomputed.of(compared.hull, Transitions.of(candidate(vehicle), shots)).with_free_law(vehicle)
+    problem = compared.recomputed(vehicle).with_free_law(vehicle)
     normal = linearised(unknown, values / scales, problem)
     centre = unknown.within(in_file(file, unknown.entries)) / scales
     prior = Prior(centre, np.full(len(values), SUSPECT_SPREAD**-2))

@@ -7,7 +7,6 @@ rest is the hull-force error of the file, until a recording from before the chan
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -15,12 +14,7 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.candidates import Candidate, candidate_of
-from hydro.core.diagnosis.confidence import (
-    by_evidence_confidence,
-    by_transfer_confidence,
-    explained_share,
-)
+from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence, explained_share
 from hydro.core.diagnosis.findings import (
     STATED,
     Diagnosis,
@@ -62,7 +56,7 @@ from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import greatest_change
+from hydro.core.identification.prior import change_of
 from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import shown
@@ -140,28 +134,8 @@ class ByEvidence:
         models, fit = (self.baseline.given, named.refitted, named.model), named.fit
         given, refitted, found = (model.normal.chi2 for model in models)
         vehicle = fit.vehicle if fit else named.model.vehicle
-        estimates, tried = fit.estimates() if fit else None, tuple(_candidates(named))
-        return Diagnosis(tuple(findings), vehicle, (given, refitted, found), estimates, candidates=tried)
-
-
-def _candidates(named: Named) -> Iterator[Candidate]:
-    """Yield every effect of the survey as a candidate, the best first."""
-    chosen = named.findings[0].effect if named.findings else ""
-    for rival in named.rivals:
-        yield candidate_of(
-            "transfer",
-            0,
-            rival.effect,
-            rival.model.unknown.at(rival.values),
-            chosen=rival.effect == chosen,
-            entries=rival.entries,
-            chi2=rival.model.normal.chi2,
-            left_out=rival.score,
-            evidence=rival.evidence if rival.allowed is not None else math.nan,
-            lead=rival.lead if rival.allowed is not None else math.nan,
-            own=rival.own,
-            absorbs=rival.absorbs,
-        )
+        estimates = fit.estimates() if fit else None
+        return Diagnosis(tuple(findings), vehicle, (given, refitted, found), estimates)
 
 
 def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
@@ -173,7 +147,7 @@ def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
             yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
-def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
+def by_transfer(baseline: Baseline, progress: Progress) -> Named:
     """Name the one change that the recording shows best; without one, the result has no findings.
 
     Candidates are ranked by evidence with the hull force free if the file has drag and the best evidence is
@@ -184,10 +158,6 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     range, because it stands for another effect.  The next best is then named if it has at least NEARLY_EQUAL
     of the evidence or score, whichever ranks them, of the one passed over.  If all that qualify have
     implausible values, the first of them is named.
-
-    Args:
-        baseline: Vehicle file and shots.
-        progress: Called with a short text and the share of the work done.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
@@ -235,12 +205,6 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
 
     The survey of a file without drag stays ranked by transfer, because the hull force would take over the
     drag.
-
-    Args:
-        surveyed: Survey of all effects.
-        baseline: Vehicle file and shots.
-        refitted: Existing effects, fitted to all shots within their priors.
-        known: Priors of the existing effects.
     """
     if not has_drag(baseline.vehicle):
         return surveyed
@@ -271,9 +235,7 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
 def _is_present(fit: Fit, effect: str) -> bool:
     """Return whether any fitted value of an effect exceeds SMALL_STEP in its natural scale.
 
-    Args:
-        fit: Values of a physically possible vehicle, in which an effect may vanish.
-        effect: Name of the effect.
+    An effect may vanish where its values must be physically possible.
     """
     own = fit.free.places(effect)
     sizes = np.abs(fit.values[own]) / fit.free.scales[own]
@@ -281,12 +243,7 @@ def _is_present(fit: Fit, effect: str) -> bool:
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
-    """Return a model with its residuals in units of the noise of other shots.
-
-    Args:
-        model: Model.
-        fine: Shots with that noise.
-    """
+    """Return a model with its residuals in units of the noise of other shots."""
     problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
     names = model.unknown.effects
     if not names:
@@ -296,21 +253,14 @@ def _in_noise(model: Model, fine: OutputError) -> Model:
 
 def _moved(rival: Rival, baseline: Baseline) -> bool:
     """Return whether a fit moves an existing effect FAR_FROM_PRIOR standard deviations from the file."""
-    unknown = rival.model.unknown
-    own = unknown.places(rival.effect)
-    entries = [unknown.entries[i] for i in own]
-    return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= FAR_FROM_PRIOR
+    change = change_of(rival.effect, baseline.vehicle, rival.model.unknown, rival.values)
+    return change.deviations >= FAR_FROM_PRIOR
 
 
 def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Model:
     """Fit an effect with the existing effects to all shots, from the values of the survey.
 
     Values that were fitted with the hull force free stay: a plain fit would absorb the hull's error.
-
-    Args:
-        rival: Effect of the survey.
-        baseline: Vehicle file and shots.
-        known: Priors of the existing effects.
     """
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
@@ -323,14 +273,7 @@ def _fitted_to_all_shots(rival: Rival, baseline: Baseline, known: Known) -> Mode
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
-    """Return the model without an effect of the survey, or with the file's values of it.
-
-    Args:
-        rival: Effect of the survey.
-        baseline: Vehicle file and shots.
-        refitted: Existing effects, fitted within their priors.
-        known: Priors of the existing effects.
-    """
+    """Return the model without an effect of the survey, or with the file's values of it."""
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
@@ -348,14 +291,7 @@ def _finding(
 ) -> Finding:
     """Return the finding of the named effect, with its share of the error beyond the noise.
 
-    Args:
-        rival: Named effect.
-        surveyed: Survey of all effects.
-        others: Other effects that may be named.
-        model: Model with the effect.
-        without: Model without it, whose error the share is of.
-        fit: Values and standard errors.
-        dt: Sample time of the recording [s].
+    `others` may be named instead; the share is of the error of `without`, the model without the effect.
     """
     values = fit.table(rival.effect)[0]
     if surveyed.by_evidence:
@@ -385,13 +321,6 @@ def _nearly_as_good(
 
     These divide the remaining probability in proportion to their scores; one more part stands for any other
     effect.  None has more confidence than the named effect.
-
-    Args:
-        rival: Named effect.
-        surveyed: Survey of all effects.
-        others: Other effects that may be named.
-        finding: Finding of the named effect.
-        dt: Sample time of the recording [s].
     """
     worth = surveyed.worth
     near = [one for one in others if worth(one) >= max(SIMILAR * worth(rival), MATERIAL)]
@@ -411,37 +340,18 @@ def _nearly_as_good(
 def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
     """Return an effect as an unconfirmed finding, with its values and its share of the error.
 
-    Args:
-        rival: Effect of the survey.
-        model: Model with the effect.
-        without: Model without it, whose error beyond the noise the share is of.
-        fit: Values and standard errors.
-        words: Advice.
+    The share is of the error of `without`, the model without the effect, beyond the noise.
     """
     pieces = block_length(model.normal.score)
-    share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
-    values, errors = fit.table(rival.effect)
-    return Finding(
-        "suspect",
-        rival.effect,
-        (rival.effect,),
-        share,
-        low,
-        high,
-        parameters=values,
-        standard_errors=errors,
-        advice=advice.suspecting(rival.effect, words),
-        support=rival.score,
-    )
+    share = explained_share(without.costs - model.costs, without.excesses, pieces)
+    told, table = advice.suspecting(rival.effect, words), fit.table(rival.effect)
+    return Finding.of("suspect", rival.effect, table, share, advice=told, support=rival.score)
 
 
 def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:
     """Return the evidence for a named effect, in words.
 
-    Args:
-        rival: Named effect.
-        model: Model with the effect.
-        near: Effects that are nearly as good.
+    `near` are the effects that are nearly as good.
     """
     evidence = f", and its log evidence with any hull force allowed is {rival.evidence:.0f}"
     words = (

@@ -15,11 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from hydro.core.diagnosis.baseline import (
-    Baseline,
-    Found,
-    Outcome,
-)
+from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
@@ -37,7 +33,7 @@ from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.search import Search, candidates
+from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.sensor_errors import sure_by_kinematics
 from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
@@ -47,7 +43,7 @@ from hydro.core.experiment import advice
 from hydro.core.experiment.manoeuvres import best
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
+from hydro.core.identification.prior import ABSURD, change_of, greatest_change, in_file, shrunk_to_prior
 from hydro.core.prediction.normal_equations import block_length, covariance
 from hydro.core.progress import Progress, part
 from hydro.core.sea.sea_state import SeaState
@@ -95,43 +91,22 @@ class ByLikelihood:
             (given, refitted, found),
             fit.estimates() if fit else None,
             left_open(baseline, outcome, findings),
-            tuple(candidates(baseline.refitted, outcome.found, baseline.vehicle)),
         )
 
 
 def wave_finding(baseline: Baseline, sea: SeaState, *, alone: bool) -> Finding:
-    """Return the recording's waves as a finding.
-
-    Args:
-        baseline: Baseline fit that allows for the waves.
-        sea: Waves.
-        alone: Whether there is no other finding.
-    """
-    return Finding(
-        "missing",
-        WAVES.name,
-        (WAVES.name,),
-        baseline.calmed,
-        confidence=1.0,
-        p_value=sea.p_value,
-        parameters=sea.parameters,
-        standard_errors=sea.errors,
-        advice=advice.in_waves(sea.parameters, sea.speed, alone),
-        support=1.0,
-    )
+    """Return the recording's waves as a finding."""
+    words, values = advice.in_waves(sea.parameters, sea.speed, alone), (sea.parameters, sea.errors)
+    sure = {"confidence": 1.0, "support": 1.0, "p_value": sea.p_value}
+    return Finding.of("missing", WAVES.name, values, baseline.calmed, advice=words, **sure)
 
 
 def selected(
-    baseline: Baseline, progress: Progress, in_vain: bool = False, provisional: Told | None = None
+    baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None
 ) -> tuple[Search, Outcome]:
     """Return a search by likelihood and its outcome, also where no model reaches the noise.
 
-    Args:
-        baseline: Vehicle file and shots.
-        progress: Called with a short text and the share of the work done.
-        in_vain: Whether an earlier search stayed far from the noise.  Above FAR_FROM_NOISE the effects are
-            then screened, and none is added.
-        provisional: Called with the best candidate after the first fits.
+    Where an earlier search was in vain, above FAR_FROM_NOISE, effects are screened and none is added.
     """
     some = baseline.thinned()
     if in_vain and baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
@@ -158,11 +133,6 @@ def searched(
     2. Otherwise a second search starts from the file's values.  It is returned only if it fits.
     3. Otherwise the first search is returned, continued if it had paused.
 
-    Args:
-        baseline: Vehicle file and shots.
-        progress: Called with a short text and the share of the work done.
-        provisional: Called with the best candidate after the first fits.
-
     Returns:
         The search by these rules, and its outcome.
     """
@@ -185,11 +155,6 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
     All existing effects of the file are refitted before a search.  Together they can absorb an effect that
     the file lacks.  Then a second search holds them at the file's values, and refits one of them only if that
     explains most.  The search with the lower penalised cost is returned.
-
-    Args:
-        search: Search that found nothing.
-        outcome: Outcome of that search.
-        progress: Called with a short text and the share of the work done.
     """
     baseline, refitted = search.baseline, search.baseline.refitted
     if not refitted.unknown.entries or not np.isfinite(baseline.given.normal.cost):
@@ -220,10 +185,6 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
 def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
     """Return a model with its values shrunk to the file's, and the fit with standard errors.
 
-    Args:
-        model: Joint fit.
-        file: Vehicle file whose values are prior knowledge.
-
     Returns:
         Model and fit; the fit is None if no component is free.
     """
@@ -238,10 +199,6 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
 
     The order is: missing effects and unexplained error, the largest share first; new values of the file's
     effects; effects that the recording cannot show.
-
-    Args:
-        baseline: Vehicle file with its values refitted, and the recording.
-        outcome: Result of the search.
     """
     model = outcome.model
     remaining = unexplained(baseline, outcome)
@@ -280,17 +237,11 @@ def excess_share(baseline: Baseline, model: Model) -> float:
 
 
 def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
-    """Return the finding of one effect that joined the model.
-
-    Args:
-        found: Effect and its rivals.
-        baseline: Vehicle file and shots.
-        outcome: Result of the search, with its joint fit.
-    """
+    """Return the finding of one effect that joined the model."""
     log, model, effect = baseline.log, outcome.model, found.effect
     without = outcome.without[effect]
     pieces = block_length(model.normal.score)
-    share, low, high = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
+    share = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
     tied = selection_frequency(found.rivals, effect)
     fit = _joint(outcome)
     parameters, errors = fit.table(effect)
@@ -303,31 +254,22 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
             flight = None
         words = advice.separating(list(tied), flight)
     elif known:
-        words = advice.retuning(effect, _change(effect, baseline, model))
+        words = advice.retuning(effect, change_of(effect, baseline.vehicle, model.unknown, model.values))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += unconfirmed(effect, without, model, baseline.problem.shots.session)
     sure = by_likelihood_confidence(tied[effect], model.normal.chi2)
-    return Finding(
+    return Finding.of(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,
-        tuple(tied),
+        (parameters, errors),
         share,
-        low,
-        high,
-        limited_confidence(sure, fit.vehicle, effect, errors),
-        found.p_value,
-        parameters,
-        errors,
+        members=tuple(tied),
+        confidence=limited_confidence(sure, fit.vehicle, effect, errors),
+        p_value=found.p_value,
         advice=words,
         support=tied[effect],
     )
-
-
-def _change(effect: str, baseline: Baseline, model: Model) -> Change:
-    """Return the component of an existing effect that a model moves farthest, relative to its prior."""
-    own = model.unknown.places(effect)
-    return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
 def _joint(outcome: Outcome) -> Fit:
@@ -350,9 +292,8 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield a finding for the damping without which the file's predictions diverge, if it was added."""
     for name in baseline.effects:
         if not baseline.vehicle.effects(name):
-            values, errors = _joint(outcome).table(name)
             words = advice.suspecting(name, "without it the predicted motion diverges")
-            yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
+            yield Finding.of("suspect", name, _joint(outcome).table(name), advice=words)
 
 
 def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
@@ -375,7 +316,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
-        farthest = _change(name, baseline, model)
+        farthest = change_of(name, baseline.vehicle, model.unknown, model.values)
         absurd = farthest.deviations > ABSURD
         if cost < much and not absurd:
             continue
@@ -387,14 +328,12 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
             sure = by_likelihood_confidence(frequency, model.normal.chi2)
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
-            yield Finding(
+            yield Finding.of(
                 "retune",
                 name,
-                (name,),
+                (values, errors),
                 share,
                 confidence=limited_confidence(sure, _joint(outcome).vehicle, name, errors),
                 p_value=p,
-                parameters=values,
-                standard_errors=errors,
                 advice=advice.retuning(name, farthest),
             )

@@ -20,11 +20,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.findings import STATED, Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.settings import (
-    DISTINCT,
-    NEARLY_EQUAL,
-    STEADY_SECONDS,
-)
+from hydro.core.diagnosis.settings import DISTINCT, NEARLY_EQUAL, STEADY_SECONDS
 from hydro.core.diagnosis.unexplained import WRENCH, with_steady_wrenches
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
@@ -50,11 +46,6 @@ def under_feedback(baseline: Baseline, outcome: Outcome, findings: Sequence[Find
     """Return findings with less confidence where they may be disturbances, and a warning as a last one.
 
     Findings of a recording without feedback are returned as they are.
-
-    Args:
-        baseline: Vehicle file and recording.
-        outcome: Result of the search.
-        findings: Findings.
     """
     seen = feedback(baseline.vehicle, baseline.log.record)
     if not seen.closed:
@@ -69,9 +60,7 @@ def _judged(finding: Finding, own: dict[str, float]) -> Finding:
 
     New values of an existing effect are withdrawn instead.
 
-    Args:
-        finding: Finding.
-        own: Share of each effect that remains with steady wrenches free, see `own_shares`.
+    `own` is the share of each effect that remains with steady wrenches free, see `own_shares`.
     """
     share = own.get(finding.effect, 1.0)
     if finding.verdict not in STATED or share >= NEARLY_EQUAL:
@@ -96,10 +85,6 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
     STEADY_SECONDS free, the linearised problem gives a new step.  The share is the projection of the new step
     on the first, weighted by the information that remains.  It is 0 if the new step is not DISTINCT from 0.
     Disturbances and sensor errors are skipped.
-
-    Args:
-        baseline: Vehicle file and recording.
-        model: Fitted model.
     """
     entries = model.unknown.entries
     if not entries:
@@ -125,9 +110,6 @@ def own_shares(baseline: Baseline, model: Model) -> dict[str, float]:
 
 def _with_wrenches(model: Model) -> Array:
     """Return the normal equations with six steady wrenches free in each stretch of the recording.
-
-    Args:
-        model: Fitted model with P components.
 
     Returns:
         Products of the columns of the wrenches, of the components and of the residual, for each of B

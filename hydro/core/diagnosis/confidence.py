@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,37 +38,49 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
+from hydro.core.identification.prior import in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
 
 
-def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -> dict[str, float]:
-    """Return the share of the resamples in which each rival has the least penalised cost.
+def wins(costs: Mapping[str, Array], size: int) -> dict[str, float]:
+    """Return the share of the resamples in which each candidate costs least, the largest share first.
 
     Args:
-        rivals: Model of each effect.
-        best: Effect whose residuals set the block length.
-        seed: Seed of the weights.
+        costs: Penalised squared residual of each of S shots, (S,), by candidate.
+        size: Number of shots in a block, which is resampled as a whole.
+    """
+    blocks = block_sums(np.stack([*costs.values()], axis=1), size)
+    winner = np.argmin(weights(len(blocks), RESAMPLES, seed=0) @ blocks, axis=1)
+    part = np.bincount(winner, minlength=len(costs)) / RESAMPLES
+    return dict(sorted(zip(costs, part.tolist(), strict=True), key=lambda one: -one[1]))
+
+
+def resampled_shots(normal: Normal) -> int:
+    """Return the number of shots that are resampled together: at least two, as residuals are correlated."""
+    return max(block_length(normal.score), 2)
+
+
+def selection_frequency(rivals: Mapping[str, Model], best: str) -> dict[str, float]:
+    """Return the share of the resamples in which each rival has the least penalised cost.
 
     Returns:
         Shares of `best` and of all effects that win at least a share NEGLIGIBLE, in descending order.
     """
-    costs = np.stack([model.penalised for model in rivals.values()], axis=1)
-    part = dict(zip(rivals, _wins(costs, rivals[best].normal, seed), strict=True))
-    tied = [name for name in rivals if part[name] >= NEGLIGIBLE or name == best]
-    return {name: float(part[name]) for name in sorted(tied, key=lambda name: -part[name])}
+    costs = {name: model.penalised for name, model in rivals.items()}
+    found = wins(costs, resampled_shots(rivals[best].normal))
+    return {name: part for name, part in found.items() if part >= NEGLIGIBLE or name == best}
 
 
-def change_frequency(normal: Normal, entries: Sequence[int], change: Array, seed: int = 0) -> float:
+def change_frequency(normal: Normal, entries: Sequence[int], change: Array) -> float:
     """Return the share of resamples in which the changed values of an effect leave a smaller penalised error.
 
     They are compared with the file's values of the effect, next to which all other parameters move to their
-    best values once, for all resamples.  A resample gives the shots random weights.
+    best values once, for all resamples.
 
     Args:
         normal: Joint fit, linearised at the changed values.
         entries: Indices of the parameters of the effect.
         change: Change from the file's values, in units of the parameters, (len(entries),).
-        seed: Seed of the random weights of the shots.
     """
     count, own = normal.gram.shape[1] - 1, np.array(entries)
     others = np.setdiff1d(np.arange(count), own)
@@ -77,55 +89,26 @@ def change_frequency(normal: Normal, entries: Sequence[int], change: Array, seed
     step[own] = -change
     held = matrix[np.ix_(others, others)] + PRIOR**-2 * np.eye(len(others))
     step[others] = np.linalg.solve(held, score[others] - matrix[np.ix_(others, own)] @ step[own])
-    costs, shots = normal.gram[:, -1, -1], len(normal.gram)
+    shots = len(normal.gram)
     unchanged = normal.expected(step) - penalty(shots, len(own), normal.chi2) / shots
-    return float(_wins(np.stack([costs, unchanged], axis=1), normal, seed)[0])
+    costs = {"changed": normal.gram[:, -1, -1], "unchanged": unchanged}
+    return wins(costs, resampled_shots(normal))["changed"]
 
 
-def _wins(costs: Array, best: Normal, seed: int) -> Array:
-    """Return the share of the resamples in which each of M models costs least, (M,).
-
-    Args:
-        costs: Penalised squared residual of each of S shots and each model, (S, M).
-        best: Model whose residuals set the block length.
-        seed: Seed of the weights.
-    """
-    blocks = block_sums(costs, max(block_length(best.score), 2))
-    winner = np.argmin(weights(len(blocks), RESAMPLES, seed) @ blocks, axis=1)
-    return np.bincount(winner, minlength=costs.shape[1]) / RESAMPLES
-
-
-def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> tuple[float, float, float]:
+def explained_share(gain: Array, excess: Array, pieces: int) -> tuple[float, float, float]:
     """Return the share of an error that is explained, with the ends of its 95 % interval.
 
     Args:
         gain: Squared residual explained in each of S shots, (S,).
         excess: Squared residual beyond the noise in each shot, (S,).
         pieces: Number of shots in a block, at least 1, which is resampled as a whole.
-        seed: Seed of the weights.
     """
     blocks = block_sums(np.column_stack([gain, excess]), pieces)
-    drawn = weights(len(blocks), RESAMPLES, seed) @ blocks
+    drawn = weights(len(blocks), RESAMPLES, seed=1) @ blocks
     ratio = np.clip(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-9), 0.0, 1.0)
     middle = float(np.clip(gain.sum() / max(excess.sum(), 1e-9), 0.0, 1.0))
     low, high = interval(ratio)
     return middle, float(min(low, middle)), float(max(high, middle))
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """Fitted model of P components with its prior.
-
-    Attributes:
-        normal: Problem linearised about the fitted values, in units of the components' scales.
-        amounts: Distance of each component from its prior mean, in scales, (P,).
-        information: Prior information on each component, (P,), the inverse square of the standard deviation
-            in scales; by default that of a standard deviation of PRIOR scales.
-    """
-
-    normal: Normal
-    amounts: Array
-    information: Array | None = None
 
 
 def folds(session: ArrayLike) -> Rows:
@@ -149,22 +132,31 @@ def folds(session: ArrayLike) -> Rows:
     return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
 
 
-def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
+def left_out_costs(
+    normal: Normal,
+    fold: Rows,
+    amounts: ArrayLike = 0.0,
+    information: ArrayLike = PRIOR**-2,
+    new: Sequence[int] = (),
+    kept: float = 0.0,
+) -> Array:
     """Return the squared residual of each of S shots, predicted by the fit to all other folds, (S,).
 
     One Gauss-Newton step from the fitted values stands for that fit.  Components that only the held-out fold
     determines return to their prior mean.
 
     Args:
-        fitted: Fitted model.
+        normal: Problem linearised about the fitted values of P components, in units of their scales.
         fold: Fold that each shot is held out with, (S,).
+        amounts: Distance of each component from its prior mean, in scales, (P,).
+        information: Prior information on each component, (P,), the inverse square of the standard deviation
+            in scales.
         new: Components that the other folds must determine.
         kept: Least share of all information on these components that the other folds must have; below it the
             costs of the fold's shots are NaN.
     """
-    matrix, score, costs = fitted.normal.matrix, fitted.normal.score, fitted.normal.gram[:, -1, -1].copy()
-    prior = fitted.information
-    prior = np.full(len(fitted.amounts), PRIOR**-2) if prior is None else prior
+    matrix, score, costs = normal.matrix, normal.score, normal.gram[:, -1, -1].copy()
+    away, prior = (np.broadcast_to(one, matrix.shape[1]) for one in (amounts, information))
     seen = np.isfinite(costs)
     shown = np.einsum("sii->si", matrix)[:, list(new)].sum(axis=1)
     total, sums = matrix[seen].sum(axis=0) + np.diag(prior), score[seen].sum(axis=0)
@@ -174,23 +166,24 @@ def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: fl
             costs[out] = np.nan
             continue
         rest, pull = total - matrix[out].sum(axis=0), sums - score[out].sum(axis=0)
-        step = np.linalg.solve(rest, pull - prior * fitted.amounts)
+        step = np.linalg.solve(rest, pull - prior * away)
         costs[out] += np.einsum("i,sij,j->s", step, matrix[out], step) - 2.0 * score[out] @ step
     return costs
 
 
-def left_out_share(first: Fitted, rival: Fitted, session: ArrayLike) -> float:
+def left_out_share(first: Normal, rival: Normal, amounts: Array, session: ArrayLike) -> float:
     """Return the share of the error of held-out sessions that a rival removes, 0 to 1.
 
     Args:
-        first: Model without the rival, its existing effects fitted.
-        rival: Model with the rival, over the same shots.
+        first: Fit without the rival, its existing effects fitted, linearised.
+        rival: Fit with the rival, over the same shots.
+        amounts: Distance of each component of the rival from its value without it, in scales, (P,).
         session: Number of each shot's session, (S,).
     """
     fold = folds(session)
-    before, after = left_out_costs(first, fold), left_out_costs(rival, fold)
+    before, after = left_out_costs(first, fold), left_out_costs(rival, fold, amounts)
     both = np.isfinite(before) & np.isfinite(after)
-    gain, excess = (before - after)[both].sum(), (before - first.normal.freedoms)[both].sum()
+    gain, excess = (before - after)[both].sum(), (before - first.freedoms)[both].sum()
     return float(np.clip(gain / max(excess, 1e-9), 0.0, 1.0))
 
 
@@ -198,17 +191,11 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     """Return a warning where held-out sessions do not confirm an effect; empty where they do.
 
     Only the effect's components are refitted, because one session alone may determine those of the others.
-
-    Args:
-        effect: Name of the effect.
-        without: Model without the effect.
-        model: Model with the effect.
-        session: Number of each shot's session, (S,).
     """
-    own = model.unknown.places(effect)
-    before = Fitted(without.normal.of([]), np.zeros(0))
-    after = Fitted(model.normal.of(own), np.zeros(len(own)))
-    elsewhere = left_out_share(before, after, session)
+    own, unknown = model.unknown.places(effect), model.unknown
+    change = model.values[own] - in_file(without.vehicle, [unknown.entries[i] for i in own])
+    amounts = change / unknown.scales[own]
+    elsewhere = left_out_share(without.normal.of([]), model.normal.of(own), amounts, session)
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= SIMILAR * min(here, 1.0):
         return ""
@@ -250,9 +237,7 @@ def discounted_by_unexplained(finding: Finding, rest: float) -> Finding:
     correlated, and estimates of inertia or damping are biased.  A small effect may also absorb an error of
     the hull that no effect describes.
 
-    Args:
-        finding: Finding.
-        rest: Share of the error that no effect explains.
+    `rest` is the share of the error that no effect explains.
     """
     if rest < SIMILAR * finding.share:
         return finding
@@ -270,10 +255,6 @@ def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Find
 
     This applies above RIGHT times the noise, where formulas also absorb the hull's error: of 45 further names
     next to a right one none was right (`benchmarks.imperfect_base`, seeds 99000 to 99059).
-
-    Args:
-        findings: Findings in any order.
-        left: Mean squared residual of the model, in units of the noise.
     """
     most = max((finding.share for finding in findings), default=0.0)
     if left <= RIGHT or most <= 0.0:
@@ -296,9 +277,8 @@ def stated(finding: Finding) -> Finding:
 def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
-    Args:
-        frequency: Share of the resamples in which the effect has the least penalised cost, 0 to 1.
-        left: Mean squared residual of the model, in units of the noise.
+    `frequency` is the share of the resamples in which the effect has the least penalised cost, 0 to 1.
+    `left` is the mean squared residual of the model in units of the noise.
     """
     return frequency if left <= RIGHT else RIGHT_ABOVE * frequency
 

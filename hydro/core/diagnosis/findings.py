@@ -14,7 +14,6 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core import toml_text
-from hydro.core.diagnosis.candidates import Candidate
 from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
 from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.effects.catalogue import implausible
@@ -51,6 +50,8 @@ and no effect was found, so that the missing effect is unknown.  `closed_loop` i
 other findings: the commands react to the motion, and an effect may imitate a disturbance.
 """
 
+Table = tuple[Mapping[str, Any], Mapping[str, Any]]
+"""Values of an effect by parameter, and their standard errors in the same form."""
 LACKING = ("missing", "cannot_tell_apart")
 """Verdicts on confirmed effects that the file lacks."""
 STATED = (*LACKING, "retune")
@@ -108,6 +109,29 @@ class Finding:
     error_added: float = math.nan
     sentence: str = ""
 
+    @classmethod
+    def of(
+        cls,
+        verdict: Verdict,
+        effect: str,
+        table: Table,
+        share: float | tuple[float, float, float] = math.nan,
+        **more: Any,
+    ) -> Finding:
+        """Return a finding with the values of one effect.
+
+        Args:
+            verdict: Verdict.
+            effect: Name of the effect.
+            table: Values and standard errors, as of `Fit.table`.
+            share: Share of the error, alone or with the ends of its 95 % interval.
+            more: Further attributes; `members` is the effect alone by default.
+        """
+        middle, low, high = share if isinstance(share, tuple) else (share, math.nan, math.nan)
+        shares, (values, errors) = {"share": middle, "low": low, "high": high}, table
+        given = {"members": (effect,), "parameters": values, "standard_errors": errors, **shares, **more}
+        return cls(verdict, effect, **given)
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -144,9 +168,6 @@ class Prediction:
 
 def prediction_of(parameters: Mapping[str, Any]) -> Prediction | None:
     """Return the prediction errors in the parameters of a diagnosis; None if it has none.
-
-    Args:
-        parameters: Parameters in the footer of its table.
 
     Raises:
         DataError: They are not those of `Prediction`.
@@ -202,7 +223,7 @@ class Diagnosis:
             the findings.  It is 1 for noise alone.
         estimates: All values that were fitted together, with their covariance; None without such a fit.
         question: Open questions for the next experiment, for `experiment.flight.advise`.
-        candidates: Scores of every fitted candidate, step by step.
+        trace: Regime and its selection, with every fitted candidate; None for a log with a fault.
         prediction: Held-out errors before and after; None where no session is long enough, or with a
             hull-force model.
         status: Overall result, see `diagnosis.status`; None for one step of `explain`.
@@ -213,7 +234,7 @@ class Diagnosis:
     chi2: tuple[float, float, float]
     estimates: Estimates | None = None
     question: Question | None = None
-    candidates: tuple[Candidate, ...] = ()
+    trace: tuple[object, object] | None = None
     prediction: Prediction | None = None
     status: Status | None = None
 
@@ -369,13 +390,7 @@ def _table(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
-    """Return the reason why an effect cannot be added.
-
-    Args:
-        name: Name of the effect.
-        rows: Rows of the diagnosis table with values.
-        found: Effects that can be added.
-    """
+    """Return the reason why an effect cannot be added."""
     for row in rows.iter_rows(named=True):
         if name in row["members"]:
             return (
@@ -407,10 +422,6 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
     A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
     weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
     most DOUBTFUL.
-
-    Args:
-        finding: Any finding; only confirmed and unconfirmed thruster gains are changed.
-        record: Recording.
     """
     doubted = finding.verdict in (*LACKING, "suspect") and finding.effect == THRUSTER_GAIN.name
     if not doubted or record.shows(HORIZONTAL):
@@ -420,12 +431,7 @@ def doubted_gain(finding: Finding, record: Recording) -> Finding:
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
-    """Return a finding with a warning in its advice about each value outside the range that physics allows.
-
-    Args:
-        finding: Finding, with or without values.
-        vehicle: Vehicle that the finding's values would be added to.
-    """
+    """Return a finding with a warning in its advice about each value outside its physical range."""
     if not finding.parameters:
         return finding
     table = {"name": finding.effect, **finding.parameters}

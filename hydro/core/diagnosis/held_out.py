@@ -39,12 +39,6 @@ def predicted(
     """Return a diagnosis with `prediction` filled in, and `error_added` of each finding with values.
 
     A recording with fewer than FOLDS stretches of JUDGED seconds gives the diagnosis unchanged.
-
-    Args:
-        diagnosis: Diagnosis.
-        vehicle: Vehicle file.
-        log: Recording.
-        progress: Called with a short text and the share of the work done.
     """
     try:
         ahead = log.shots(JUDGED)
@@ -131,13 +125,7 @@ class _Check:
 
     @classmethod
     def of(cls, vehicle: Vehicle, log: Preprocessed, ahead: Shots) -> _Check:
-        """Predict a recording with the file as given.
-
-        Args:
-            vehicle: Vehicle file.
-            log: Recording.
-            ahead: Shots that are predicted.
-        """
+        """Predict a recording with the file as given."""
         problem = resolved(stable_start(vehicle, log)[1]).some(SHOTS)
         weight = Weights.of(candidate(vehicle)).velocity
         return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)

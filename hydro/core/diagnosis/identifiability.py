@@ -188,11 +188,6 @@ def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding])
     """Return the open questions of a diagnosis, for the planning of the next experiment.
 
     These are the rivals of every uncertain finding, and the effects that the recording does not show.
-
-    Args:
-        baseline: Vehicle file and recording.
-        outcome: Result of the search.
-        findings: Findings of that search.
     """
     model, log = outcome.model, baseline.log
     ties = []
@@ -212,11 +207,6 @@ def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Riv
 
     These are the members of a tie, or else the closest contenders, or else the effect and the model without
     it.
-
-    Args:
-        found: Effect that joined the model, with its rivals.
-        members: Effects that the finding may stand for.
-        outcome: Result of the search.
     """
     order = sorted(found.rivals, key=lambda name: float(found.rivals[name].penalised.sum()))
     names = [name for name in members if name in found.rivals]

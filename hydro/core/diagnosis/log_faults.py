@@ -70,9 +70,6 @@ class Preprocessed:
     def require_directions(self, file: str = "") -> None:
         """Refuse a recording that contradicts the directions or the order of the file's thrusters.
 
-        Args:
-            file: Name of the vehicle file, for the command that corrects it; empty if it is not known.
-
         Raises:
             DataError: The recording contradicts them; the message says how to correct the file.
         """
@@ -86,8 +83,7 @@ class Preprocessed:
     def audited(self, found: ThrusterAudit | None) -> Preprocessed:
         """Return a copy with a thruster audit, and with the sensor tests and shots already computed.
 
-        Args:
-            found: Audit of this recording; None if the recording is too short for an audit.
+        `found` is None if the recording is too short for an audit.
         """
         whole = replace(self, audit=found)
         vars(whole).update({name: vars(self)[name] for name in ("sensors", "lateness") if name in vars(self)})
@@ -177,11 +173,6 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
 def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None) -> Preprocessed:
     """Return another recording cleaned, with the order of commands that was found in a first one.
 
-    Args:
-        vehicle: Vehicle file.
-        raw: Raw table.
-        wiring: Order and signs of the command columns; None for those of the vehicle file.
-
     Raises:
         DataError: The recording does not fit the vehicle.
     """
@@ -189,13 +180,7 @@ def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None)
 
 
 def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preprocessed:
-    """Return a cleaned recording with its commands in the vehicle file's order.
-
-    Args:
-        vehicle: Vehicle file.
-        log: Cleaned recording.
-        wiring: Order and signs of the command columns; None if they are those of the file.
-    """
+    """Return a cleaned recording with its commands in the vehicle file's order."""
     raw, record = log.raw, log.record
     if wiring is not None:
         raw = in_order(raw, wiring)
@@ -205,12 +190,7 @@ def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preproces
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring) -> pl.DataFrame:
-    """Return the table with its command columns in the order and with the signs of the vehicle file.
-
-    Args:
-        raw: Raw table.
-        wiring: Order and signs of the command columns.
-    """
+    """Return the table with its command columns in the order and with the signs of the vehicle file."""
     return raw.with_columns(
         (sign * pl.col(command_column(column))).alias(command_column(i))
         for i, (column, sign) in enumerate(wiring.drives())
@@ -231,12 +211,6 @@ def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocesse
     The audit compares accelerations at one time, where the error of a poor hull-force model can look like an
     exchange of two thrusters.  Predictions can contradict it, because exchanged columns drive the vehicle
     elsewhere.  Without a gap-free stretch for a prediction, the audit alone decides.
-
-    Args:
-        vehicle: Vehicle file.
-        ordered: Recording with the order that the audit found.
-        plain: Recording with the order of the file.
-        hull: Hull-force model learnt from an earlier recording.
     """
     try:
         given, other = (_costs(vehicle, one, hull) for one in (plain, ordered))

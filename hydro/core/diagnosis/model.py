@@ -114,10 +114,7 @@ def penalty(shots: int, parameters: int, chi2: float) -> float:
     A shot counts as one observation. So of two effects of which one includes the other, the smaller wins
     unless the larger explains more.
 
-    Args:
-        shots: Number of shots.
-        parameters: Number of parameters.
-        chi2: Mean squared residual in units of the noise; the penalty grows with it beyond 1.
+    It grows with the mean squared residual `chi2` beyond 1, in units of the noise.
     """
     return float(np.log(shots) * parameters * max(chi2, 1.0))
 
@@ -176,14 +173,7 @@ def _settled(model: Model, iterations: int, share: float) -> Model:
 
 
 def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
-    """Return the model at the starting values of a fit, linearised there.
-
-    Args:
-        vehicle: Vehicle.
-        effects: Names or starting tables of the effects that would be fitted.
-        problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
-    """
+    """Return the model at the starting values of a fit, linearised there."""
     unknown = free(vehicle, effects, reach=reach)
     values = unknown.starts[0]
     return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
@@ -192,10 +182,7 @@ def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> 
 def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Model:
     """Return a new model whose fit continues from the values of another; that model stays as it is.
 
-    Args:
-        model: Model whose values are the start; the prior is the weak default one.
-        iterations: Maximum number of steps.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
+    The prior is the weak default one.
 
     Raises:
         Diverges: The predicted motion diverges.
@@ -278,13 +265,6 @@ def fitted_or_kept(
 
     If the fit diverges, return the model with the vehicle's present values, and False.
 
-    Args:
-        vehicle: Vehicle.
-        effects: Names or starting tables of the effects to fit.
-        problem: Shots.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
-
     Raises:
         Diverges: The predictions diverge with the present values too.
     """
@@ -295,13 +275,7 @@ def fitted_or_kept(
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
-    """Return the model, or a better one found by a line search along each component with thresholds.
-
-    Args:
-        model: Fitted model.
-        iterations: Maximum number of steps of the fit after the search.
-        share: Least relative reduction of the cost by such a step.
-    """
+    """Return the model, or a better one found by a line search along each component with thresholds."""
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
@@ -310,14 +284,7 @@ def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
 
 
 def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = STEP_SHARE) -> Model:
-    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
-
-    Args:
-        model: Fitted model.
-        problem: Shots, starting at the measured states.
-        reach: Positions [m] and times [s] of the recording, (N, 4), among which anchors are sought.
-        share: Least relative reduction of the cost by a step; a smaller one ends the fit.
-    """
+    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`)."""
     if model.excess < MATERIAL * model.normal.residuals:
         return model
     names = model.unknown.effects
@@ -382,10 +349,7 @@ class Screening:
 def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
     """Return the linearised test of candidates against a model's residual.
 
-    Args:
-        model: Model, over a part of the shots or all of them.
-        tried: Candidates.
-        shots: Number of all shots, to which the gains are scaled up.
+    Gains are scaled up from the model's shots to the number `shots` of all.
     """
     changed, steps = moved(model.unknown, model.values)
     own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
@@ -419,9 +383,6 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
 
     A model is distinct if its penalised cost is higher by more than DISTINCT standard errors of the
     difference between shots.  All models have the same shots.
-
-    Args:
-        fits: Fitted models, by effect.
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}

@@ -36,12 +36,8 @@ def with_mounting(
 ) -> Preprocessed:
     """Return the recording, with attitude and rates turned back if their sensor is mounted at an angle.
 
-    Args:
-        vehicle: Vehicle file.
-        log: Recording.
-        errors: Kinematic tests that show errors.
-        misfit: Function that returns the mean squared residual of a vehicle in a recording.
-        hull: Hull-force model from an earlier recording.
+    `errors` are kinematic tests that show errors; `misfit` is the mean squared residual of a vehicle in a
+    recording.
     """
     test = next((one for one in errors if _turns(one)), None)
     if test is None or vehicle.effects(test.effect):

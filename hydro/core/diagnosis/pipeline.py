@@ -61,7 +61,7 @@ class Regime(Protocol[Selection]):
         """Return the findings with their calibrated confidence, and what the recording cannot show."""
 
     def diagnosis(self, selection: Selection, findings: Sequence[Finding]) -> Diagnosis:
-        """Return a diagnosis: the findings, the fitted vehicle, every candidate, and open questions."""
+        """Return a diagnosis: the findings, the fitted vehicle, and open questions."""
 
 
 def diagnose(
@@ -198,12 +198,7 @@ def without_discrepancy(
     The search is repeated without waves where the findings explain the same motion: a vehicle whose buoyancy
     turns it over swings with a period of some seconds, as in waves.
 
-    Args:
-        calm: Baseline fit that does not allow for waves.
-        progress: Called with a short text and the share of the work done.
-        in_vain: Whether an earlier search stayed far from the noise; candidates are then ranked by transfer
-            at once if the residual is above FAR_FROM_NOISE.
-        provisional: Called with the best candidate after the first fits.
+    `calm` does not allow for waves.
     """
     baseline = allowing_for_waves(calm)
     found = chosen_and_reported(baseline, progress, in_vain, provisional)
@@ -222,15 +217,7 @@ def without_discrepancy(
 def chosen_and_reported(
     baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
 ) -> Diagnosis:
-    """Return the diagnosis from a baseline fit, by likelihood if a model reaches the noise, else by evidence.
-
-    Args:
-        baseline: Baseline fit.
-        progress: Called with a short text and the share of the work done.
-        in_vain: Whether an earlier search stayed far from the noise; candidates are then ranked by transfer
-            at once if the residual is above FAR_FROM_NOISE.
-        provisional: Called with the best candidate after the first fits.
-    """
+    """Return a diagnosis by likelihood if a model reaches the noise, else by evidence."""
     search, outcome = selected(baseline, progress, in_vain, provisional)
     if search.wrong(outcome):
         return reported(ByEvidence(search.baseline, outcome), part(progress, 0.4, 1.0))
@@ -243,10 +230,6 @@ def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
     A regime is a way to select effects: by likelihood, by evidence, or by change (see the table of this
     module).  Its three steps are called in order: select effects, turn them into findings, and build the
     diagnosis from both.
-
-    Args:
-        regime: Regime, with the recording.
-        progress: Called with a short text and the share of the work done.
     """
     selection = regime.select(progress)
     progress("verdicts", 0.9)
@@ -254,7 +237,7 @@ def reported(regime: Regime[Selection], progress: Progress) -> Diagnosis:
     progress("design of the next run", 0.95)
     found = regime.diagnosis(selection, [*regime.log.faults, *findings])
     progress("done", 1.0)
-    return found
+    return replace(found, trace=(regime, selection))
 
 
 def answered(
@@ -265,15 +248,7 @@ def answered(
     hull: Hull | None,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Return a diagnosis with its status, and with the held-out errors before and after confirmed findings.
-
-    Args:
-        diagnosis: Diagnosis.
-        vehicle: Vehicle file.
-        log: Recording.
-        hull: Hull-force model from a recording before a change; None without one.
-        progress: Called with a short text and the share of the work done.
-    """
+    """Return a diagnosis with its status, and the held-out errors before and after confirmed findings."""
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log, progress)
     progress("done", 1.0)

@@ -26,12 +26,7 @@ class Provisional:
 
     @classmethod
     def of(cls, fits: Mapping[str, Model], before: Model) -> Provisional | None:
-        """Return the best of some fits; None without fits.
-
-        Args:
-            fits: Fitted candidates, by effect.
-            before: Model without the candidates.
-        """
+        """Return the best of some fits; None without fits."""
         best = leader(fits)
         if best is None:
             return None

@@ -10,7 +10,7 @@ with the others, and be the best in its place.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import cast
@@ -19,7 +19,6 @@ import msgspec
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Found, Grown, Outcome
-from hydro.core.diagnosis.candidates import Candidate, candidate_of, in_blocks
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -52,13 +51,8 @@ from hydro.core.diagnosis.settings import (
     VISIBLE,
 )
 from hydro.core.effects.catalogue import CATALOGUE
-from hydro.core.identification.levenberg_marquardt import (
-    ITERATIONS,
-    Problem,
-    linear_step,
-)
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step
 from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
-from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
@@ -144,13 +138,6 @@ class Search:
         many parameters may be the answer although few blocks cannot test it alone.  Errors of the velocity
         sensor that kinematics shows come before any force.  Errors that kinematics refutes are dropped.
 
-        Args:
-            model: Model so far.
-            chosen: Effects that joined the model.
-            screening: Test of all candidates.
-            progress: Called with a short text and the share of the work done.
-            known: Existing fits by effect, which compete with the new ones.
-
         Returns:
             Fits by effect; only those in `known` if no gain is significant.
         """
@@ -182,14 +169,6 @@ class Search:
         known: Mapping[str, Model],
     ) -> dict[str, Model]:
         """Fit some candidates quickly, and the closest of them to convergence.
-
-        Args:
-            model: Model so far.
-            chosen: Effects that joined the model.
-            screening: Test of all candidates.
-            gains: Gain of each candidate to be fitted, by effect.
-            progress: Called with a short text and the share of the work done.
-            known: Existing fits by effect, which compete with the new ones.
 
         Returns:
             The fits to convergence over all shots, by effect.
@@ -245,13 +224,6 @@ class Search:
     ) -> dict[str, Model]:
         """Fit quickly those candidates whose gain is close to the largest.
 
-        Args:
-            chosen: Effects that joined the model.
-            screening: Test of all candidates.
-            gains: Gain of each candidate, by effect, the largest first.
-            known: Existing fits by effect.
-            progress: Called with a short text and the share of the work done.
-
         Returns:
             Existing and new fits, by effect.
         """
@@ -280,11 +252,6 @@ class Search:
         The fit restarts at the measured states, because initial states fitted with a poor model can hold a
         good one back.  If both starts diverge, the quick fit is returned.
 
-        Args:
-            quick: Quick fit.
-            before: Model that the candidate joins.
-            chosen: Names of the effects in the model, apart from the baseline's.
-
         Raises:
             Diverges: Both starts diverge, and the quick fit used a few of the shots only.
         """
@@ -310,13 +277,7 @@ class Search:
         return best
 
     def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
-        """Return a screening's model with one candidate, fitted from the solution of the linearised problem.
-
-        Args:
-            chosen: Effects that joined the model.
-            screening: Test of the candidate, with the model.
-            name: Effect of the candidate.
-        """
+        """Return a screening's model with one candidate, fitted from the linearised problem's solution."""
         model, (suspect, columns) = screening.model, screening.ranked[name]
         both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
         _, step[both] = linear_step(screening.normal, both)
@@ -386,12 +347,7 @@ class Search:
         return Round(screening, None if best is None else Found(best, screening.p_value, fits))
 
     def belongs(self, state: Grown, step: Round) -> bool:
-        """Return whether a round found an effect that is material, or visible and shown by kinematics.
-
-        Args:
-            state: Model before the round.
-            step: The round; without a fitted effect the result is False.
-        """
+        """Return whether a round found an effect that is material, or visible and shown by kinematics."""
         if step.found is None:
             return False
         gain = state.model.normal.cost - step.found.model.normal.cost
@@ -405,9 +361,7 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether findings explain too small a share of the baseline fit's error to continue.
 
-        Args:
-            model: Model with the findings; it counts only if its residual is above RIGHT times the noise.
-            found: Findings; those that kinematics shows are not counted.
+        It counts only above RIGHT times the noise; findings that kinematics shows do not count.
         """
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
         least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
@@ -417,11 +371,6 @@ class Search:
         """Return whether another search should precede a second effect of this one.
 
         That is so if the first effect leaves more than `far` times the noise, and explains enough to go on.
-
-        Args:
-            model: Model with the findings so far.
-            found: Findings so far.
-            far: Mean squared residual in units of the noise.
         """
         return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
@@ -448,9 +397,6 @@ class Search:
         """Return fits of the file with each effect that has starting tables far from zero in the catalogue.
 
         A fit of such an effect that starts from zero does not find the values.
-
-        Args:
-            filed: Model with the file's values.
 
         Returns:
             Fits by effect, each from the best of several starting tables.
@@ -488,10 +434,6 @@ class Search:
         effects outside the model, fitted together with the other findings; the least penalised cost wins.
         The newest finding has just done so, and competes only if another was dropped.  The only one left of
         several must be a finding about the baseline, too; a finding alone from the start is not tested.
-
-        Args:
-            outcome: Outcome of a search; not changed.
-            progress: Called with a short text and the share of the work done.
         """
         model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
@@ -523,13 +465,7 @@ class Search:
         return Outcome(model, tuple(kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
-        """Return the model without one finding, all others refitted; the baseline if the fit diverges.
-
-        Args:
-            model: Model with all findings.
-            effect: Effect of the finding.
-            others: Effects of the other findings.
-        """
+        """Return the model without one finding, all others refitted; the baseline if the fit diverges."""
         in_file = [table for table in self.baseline.refitted.vehicle.effect if table["name"] == effect]
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
@@ -550,66 +486,14 @@ class Search:
 def most_gain(effect: str, gain: float) -> float:
     """Return the largest gain in squared residual that a fit of an effect may have.
 
-    Args:
-        effect: Name of the effect.
-        gain: Gain in the linearised problem, which shows only a part of that of a nonlinear effect.
+    The gain in the linearised problem shows only a part of that of a nonlinear effect.
     """
     return gain * (SIMILAR / SIMILAR_CURVED if is_curved(effect) else 1.0)
 
 
 def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
-    """Return whether a search finds the same first effects as another one, without a better fit.
-
-    Args:
-        found: Effects of the search, in order.
-        others: Effects of the other search, in order.
-    """
+    """Return whether a search finds the same first effects as another one, without a better fit."""
     if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
     return mine > (1.0 - STEP_SHARE) * theirs
-
-
-def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:
-    """Yield the scores of every candidate of a search, and at each step of the model without a new effect.
-
-    Args:
-        first: Baseline fit.
-        found: Effects that joined, in their order.
-        file: Vehicle file.
-    """
-    without, size = first, 2
-    for step, one in enumerate(found):
-        best = one.rivals[one.effect]
-        size = max(block_length(best.normal.score), 2)
-        yield _candidate(step, "", False, without, size, file)
-        for name, model in one.rivals.items():
-            yield _candidate(step, name, model is best, model, size, file)
-        without = best
-    yield _candidate(len(found), "", True, without, size, file)
-
-
-def _candidate(step: int, name: str, chosen: bool, model: Model, size: int, file: Vehicle) -> Candidate:
-    """Return the scores of one candidate of a step.
-
-    Args:
-        step: Number of the step.
-        name: Effect; empty for the model without a new effect.
-        chosen: Whether the diagnosis took it.
-        model: Fitted model.
-        size: Number of consecutive shots of which the length of a block is a multiple.
-        file: Vehicle file.
-    """
-    return candidate_of(
-        "likelihood",
-        step,
-        name,
-        model.vehicle,
-        chosen=chosen,
-        entries=len(model.values),
-        shots=len(model.costs),
-        costs=in_blocks(model.costs, size),
-        chi2=model.normal.chi2,
-        residuals=model.normal.residuals,
-        own=bool(name) and bool(file.effects(name)),
-    )

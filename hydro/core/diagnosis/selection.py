@@ -31,11 +31,6 @@ class Rounds(Protocol[State, Step]):
 def grow(rounds: Rounds[State, Step], state: State, progress: Progress) -> tuple[State, Step | None]:
     """Add the best candidate of each round until none belongs to the model.
 
-    Args:
-        rounds: Rounds with their criterion.
-        state: State to start from.
-        progress: Called with a short text and the share of the work done.
-
     Returns:
         The last state, and the best candidate of the last round if it does not belong to the model.
     """

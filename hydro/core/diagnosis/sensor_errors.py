@@ -20,23 +20,17 @@ from hydro.core.vehicle.description import Vehicle
 def sensor_finding(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
     """Return the finding of a velocity sensor error that kinematics shows, with its values.
 
-    Args:
-        test: Kinematic test of the error.
-        share: Share of the prediction error that a correction of the sensor removes.
-        dt: Sample time of the recording [s].
-        vehicle: Vehicle file.
+    `share` is the share of the prediction error that a correction of the sensor removes; `dt` [s].
     """
     values = {key: value for key, value in test.table.items() if key != "name"}
     sure = 1.0 - test.p_value
-    return Finding(
+    return Finding.of(
         "retune" if vehicle.effects(test.effect) else "missing",
         test.effect,
-        (test.effect,),
+        (values, test.errors),
         float(np.clip(share, 0.0, 1.0)),
         confidence=sure,
         p_value=test.p_value,
-        parameters=values,
-        standard_errors=test.errors,
         advice=f"{advice.adding(test.effect, values, dt)}; kinematics alone shows it, whatever forces act",
         support=sure,
     )
@@ -47,10 +41,6 @@ def sure_by_kinematics(finding: Finding, tests: Mapping[str, KinematicTest]) -> 
 
     Error that no force explains does not lower this confidence, because no force can imitate the sensor
     error.
-
-    Args:
-        finding: Finding by the dynamics.
-        tests: Kinematic tests of the recording, by effect.
     """
     test = tests.get(finding.effect)
     if test is None or not shown(test) or finding.verdict not in ("missing", "retune"):
@@ -62,13 +52,7 @@ def sure_by_kinematics(finding: Finding, tests: Mapping[str, KinematicTest]) -> 
 
 
 def refuted(tests: Mapping[str, KinematicTest], effect: str, vehicle: Vehicle) -> bool:
-    """Return whether kinematics contradicts a sensor error that the dynamics suggest.
-
-    Args:
-        tests: Kinematic tests of the recording, by effect.
-        effect: Name of the error.
-        vehicle: Vehicle with the error's fitted values.
-    """
+    """Return whether kinematics contradicts a sensor error that the dynamics suggest."""
     test = tests.get(effect)
     return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
@@ -78,10 +62,7 @@ def new_sensor_errors(
 ) -> list[KinematicTest]:
     """Return errors of the velocity sensor that are new in a recording and absent from the file.
 
-    Args:
-        after: Kinematic tests of the recording, by effect.
-        before: Kinematic tests of the earlier recording; an error that could not be tested there is not new.
-        vehicle: Vehicle file.
+    An error that could not be tested in the earlier recording is not new.
     """
     return [
         test
@@ -92,12 +73,7 @@ def new_sensor_errors(
 
 
 def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) -> bool:
-    """Return whether an effect is an error of the velocity sensor with the values of its kinematic test.
-
-    Args:
-        table: `[[effect]]` table of the effect.
-        tests: Kinematic tests of the recording, by effect.
-    """
+    """Return whether an effect is an error of the velocity sensor with the values of its kinematic test."""
     test = tests.get(str(table["name"]))
     return test is not None and shown(test) and all(table.get(k) == v for k, v in test.table.items())
 

@@ -112,10 +112,7 @@ def percent(confidence: float) -> str:
 def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
     """Return a diagnosis whose findings with values have a sentence that states the values.
 
-    Args:
-        diagnosis: Diagnosis.
-        vehicle: Vehicle that was diagnosed.
-        dt: Sample time of the recording [s].
+    `vehicle` is the one that was diagnosed; `dt` is the sample time of the recording [s].
     """
     findings = tuple(
         replace(one, sentence=sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt))
@@ -138,12 +135,7 @@ def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
 
 
 def _counted(count: int, changed: bool) -> str:
-    """Return the number of confirmed findings in words.
-
-    Args:
-        count: Number of findings.
-        changed: Whether they are changes since an earlier recording.
-    """
+    """Return the number of confirmed findings in words."""
     if changed:
         return f"{count} {'effect has' if count == 1 else 'effects have'} changed"
     return f"The model needs {count} correction{'s' * (count > 1)}"

@@ -27,7 +27,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
-from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
+from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
 from hydro.core.diagnosis.search import Search, most_gain
 from hydro.core.diagnosis.settings import (
@@ -199,14 +199,12 @@ def resolved(problem: OutputError) -> OutputError:
     return problem.weighed(np.maximum(problem.shots.sigma, RESOLUTION))
 
 
-def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
+def survey(baseline: Baseline, progress: Progress) -> Survey:
     """Fit each effect of the catalogue together with the existing ones; return all fits, the best first.
 
     Each is scored by the error that it removes from held-out data.
 
-    Args:
-        baseline: Vehicle file and shots, starting at the measured states.
-        progress: Called with a short text and the share of the work done.
+    The shots of the baseline start at the measured states.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
     problem = baseline.problem.some(SHOTS // 2)
@@ -232,8 +230,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
 
     candidates, found = _beginnings(baseline, refitted, known), list(shared(without, own))
     for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
-        if progress is not None:
-            progress(f"{name} tested on held-out data", number / len(candidates))
+        progress(f"{name} tested on held-out data", number / len(candidates))
         found.append(rival)
     rivals = [rival for rival in found if rival is not None]
     if has_drag(file):
@@ -257,9 +254,7 @@ def weighed(rival: Rival) -> Rival:
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
     """Return rivals, the best first, by score less a penalty for each component.
 
-    Args:
-        rivals: Fitted effects.
-        first: Effects whose best comes before all others if it has a share NEARLY_EQUAL of the best score.
+    The best effect of `first` comes before all others if it has a share NEARLY_EQUAL of the best score.
     """
     order = sorted(rivals, key=lambda one: VISIBLE * one.entries - one.score)
     best = order[0].score if order else 0.0
@@ -276,10 +271,6 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
 
     The priors are weighted by the mean squared residual of that fit (`Known.temper`), so the fit is made
     twice.
-
-    Args:
-        baseline: Vehicle file.
-        problem: Shots.
 
     Returns:
         The fit and the priors with its residual.
@@ -319,7 +310,7 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
     """
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
-    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, LEAST_INFORMATION)
+    return left_out_costs(model.normal, fold, moved, prior.information, new, LEAST_INFORMATION)
 
 
 def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots) -> Squares:

@@ -20,11 +20,7 @@ from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.diagnosis.settings import (
-    FIT,
-    MATERIAL,
-    SMALL_STEP,
-)
+from hydro.core.diagnosis.settings import FIT, MATERIAL, SMALL_STEP
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation.remaining_force import leftover
@@ -51,10 +47,7 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     tests show, because noise does not cause it.  If no effect was found either, the verdict is
     `far_from_noise`.
 
-    Args:
-        baseline: Vehicle file and shots.
-        outcome: Result of the search.
-        stated: Whether an effect is confirmed that no search found, as by transfer.
+    `stated` says whether an effect is confirmed that no search found, as by transfer.
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
@@ -90,10 +83,6 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
     They are tested as if free, on the model before any effect joined it, because such an effect may absorb
     their error.
-
-    Args:
-        baseline: Vehicle file and shots.
-        outcome: Result of the search.
     """
     search, first = Search(baseline), baseline.refitted
     joined = outcome.found[:1]
@@ -201,8 +190,7 @@ def wrenches_of_pulls(rotation: Array) -> Array:
 def steady_disturbance(normal: Normal) -> float:
     """Return the mean squared residual that steady wrenches explain beyond chance, relative to the rest.
 
-    Args:
-        normal: Problem of `with_steady_wrenches`.
+    The problem is that of `with_steady_wrenches`.
 
     Returns:
         Ratio to the mean square of what remains; 0 on average where the residual is white noise of any size.

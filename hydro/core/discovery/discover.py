@@ -20,7 +20,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
-from hydro.core.diagnosis.confidence import Fitted, explained_share, folds, left_out_costs
+from hydro.core.diagnosis.confidence import explained_share, folds, left_out_costs
 from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
@@ -49,7 +49,7 @@ from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR, moved
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.prior import deviations, greatest_change, in_file
+from hydro.core.identification.prior import change_of, deviations, in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
 from hydro.core.progress import Progress, part, silent
 from hydro.core.vehicle.description import Vehicle
@@ -114,10 +114,6 @@ class Discovery:
     def fitted(self, vehicle: Vehicle, steps: int) -> Choice:
         """Return the formula of a vehicle fitted together with the effects of the file, with held-out costs.
 
-        Args:
-            vehicle: Vehicle with the formula.
-            steps: Maximum number of iterations.
-
         Raises:
             Diverges: The predicted motion diverges.
         """
@@ -168,7 +164,7 @@ class Discovery:
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
         held = np.concatenate([prior.information, np.full(extra, self.known.temper * PRIOR**-2)])
         new = range(len(model.values), len(columns))
-        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), LEAST_INFORMATION)
+        return left_out_costs(normal.of(columns), fold, amounts, held, new, LEAST_INFORMATION)
 
     def is_open(self, choice: Choice) -> bool:
         """Return whether another term may be added: a formula has at most MOST_STEPS new terms."""
@@ -183,24 +179,14 @@ class Discovery:
         return tried
 
     def belongs(self, choice: Choice, tried: Choice) -> bool:
-        """Return whether another term clearly reduces the held-out error, by sessions and by regimes.
-
-        Args:
-            choice: Formula so far.
-            tried: Formula with the additional term.
-        """
+        """Return whether another term clearly reduces the held-out error, by sessions and by regimes."""
         assert self.first is not None
         gained, noise = choice.costs - tried.costs, choice.model.normal.residuals
         least = np.maximum(MATERIAL * choice.costs, np.maximum(VISIBLE * self.first.costs, MATERIAL * noise))
         return bool((gained >= least).all())
 
     def best(self, choice: Choice, progress: Progress) -> Choice | None:
-        """Return the formula with the best additional term; None if no term can be fitted.
-
-        Args:
-            choice: Formula so far.
-            progress: Called with a few words and the share of the work done.
-        """
+        """Return the formula with the best additional term; None if no term can be fitted."""
         share = self._new_terms(choice) / MOST_STEPS
         progress = part(progress, share, share + 1.0 / MOST_STEPS)
         progress("terms tested on held-out data", 0.0)
@@ -244,12 +230,6 @@ def discovered(
 ) -> Diagnosis:
     """Return a diagnosis with a discovered formula if the catalogue leaves an unexplained residual.
 
-    Args:
-        vehicle: The vehicle file.
-        log: The preprocessed recording.
-        diagnosis: Diagnosis of the file from this recording.
-        progress: Called with a few words and the share of the work done.
-
     Returns:
         A diagnosis; that given if nothing is unexplained or no term reduces held-out error.  If the formula
         has a clearly smaller residual than the named forces, these become unconfirmed: they may imitate the
@@ -285,10 +265,7 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
     The confidence in a force that was already unconfirmed is lowered only where the formula reaches the noise
     floor.
 
-    Args:
-        one: The finding.
-        left: Reduced chi-square of the formula.
-        leaves: Reduced chi-square of the diagnosis.
+    `left` and `leaves` are the reduced chi-squares of the formula and of the diagnosis.
     """
     named = one.verdict == "missing" or (one.verdict == "suspect" and left <= RIGHT)
     if not (named and _force(one) and np.isfinite(one.confidence)):
@@ -303,11 +280,6 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
     """Search a formula of sparse terms for the force that a vehicle file lacks.
-
-    Args:
-        vehicle: Vehicle file.
-        log: Preprocessed recording.
-        progress: Called with a short text and the share of the work done.
 
     Returns:
         The formula and its fit; None if the file explains the recording, or no term reduces the error on
@@ -349,10 +321,9 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
         own = fit.free.places(name)
         if name == FORMULA.name or not (np.abs(change[own]) > FAR_FROM_PRIOR).any():
             continue
-        farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
-        values, errors = fit.table(name)
+        farthest = change_of(name, file, fit.free, fit.values)
         words = f"belongs to the discovered terms, add both: {advice.retuning(name, farthest)}"
-        yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
+        yield Finding.of("suspect", name, fit.table(name), advice=words)
 
 
 def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
@@ -361,27 +332,17 @@ def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
     Its share is that of the held-out error which it removes, by sessions or by regimes, whichever is less.
     """
     model = choice.model
-    values, errors = fit.table(FORMULA.name)
+    table = fit.table(FORMULA.name)
     removed = first.left - choice.left
     which = int(np.argmin([np.nansum(one) for one in removed]))
     pieces = block_length(model.normal.score)
     both = np.isfinite(removed[which])
-    share, low, high = explained_share(removed[which][both], first.left[which][both], pieces)
+    share = explained_share(removed[which][both], first.left[which][both], pieces)
     words = (
-        f"{told(values, errors)}; it removes {share:.0%} of the held-out error. Check whether it is "
+        f"{told(*table)}; it removes {share[0]:.0%} of the held-out error. Check whether it is "
         f"physically plausible, then `hydro add --effect {FORMULA.name}`"
     )
-    return Finding(
-        "suspect",
-        FORMULA.name,
-        (FORMULA.name,),
-        share,
-        low,
-        high,
-        parameters=values,
-        standard_errors=errors,
-        advice=words,
-    )
+    return Finding.of("suspect", FORMULA.name, table, share, advice=words)
 
 
 def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, model: Model) -> list[int]:

@@ -27,9 +27,7 @@ def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
 
     A force and a moment with the same law are described together, as a force with a point of action.
 
-    Args:
-        table: Terms, coefficients and powers of the formula, as in a vehicle file.
-        errors: Standard errors of the numbers, in the same form.
+    `errors` are standard errors of the numbers, in the form of `table`.
     """
     found = amounts(table)
     spread = [powers for _, _, powers in amounts({**table, **errors})]
@@ -89,12 +87,7 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
 def _lever(
     force: tuple[str, float, tuple[float, ...]], moment: tuple[str, float, tuple[float, ...]]
 ) -> str | None:
-    """Return in words where a force acts, if a moment term has the same law as the force term; else None.
-
-    Args:
-        force: Text, coefficient and powers of the force term.
-        moment: Text, coefficient and powers of another term.
-    """
+    """Return in words where a force acts, if a moment term has the same law as the force term; else None."""
     (text, value, powers), (other, turning, its) = force, moment
     sign, way = OFFSETS.get((text[0], other[0]), (0.0, ""))
     if not sign or not value or text[1:] != other[1:] or text[1:].startswith((" g", " z")):

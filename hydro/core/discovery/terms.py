@@ -54,22 +54,13 @@ class Term:
 
 
 def library(commands: int = 0) -> list[Term]:
-    """Return all candidate terms, axis by axis; a term with a free power appears once per initial power.
-
-    Args:
-        commands: Number of the vehicle's thrusters and servos.
-    """
+    """Return all candidate terms, axis by axis; a term with a free power appears once per initial power."""
     names = COMMAND_NAMES[:commands]
     return [term for axis in AXES for term in (*of_axis(axis), *of_commands(axis, names))]
 
 
 def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
-    """Yield the candidate terms of one wrench axis that depend on a command.
-
-    Args:
-        axis: One of X Y Z K M N.
-        names: Names of the commands.
-    """
+    """Yield the candidate terms of one wrench axis that depend on a command."""
     for name in names:
         yield Term(f"{axis} {name}")
         yield Term(f"{axis} |{name}|^n sgn({name})", (2.0,))
@@ -101,9 +92,7 @@ def of_axis(axis: str) -> Iterator[Term]:
 def even(term: Term, *odd: str) -> Term:
     """Return a term, with a lower preference if port-starboard symmetry of the hull rules it out.
 
-    Args:
-        term: Candidate term.
-        odd: Velocities or gravity components in the term that change its sign.
+    `odd` are the velocities or gravity components in the term that change its sign.
     """
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)

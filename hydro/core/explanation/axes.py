@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.diagnosis.settings import (
-    AXIS_LEVEL,
-    NEGLIGIBLE,
-    RESAMPLES,
-)
+from hydro.core.diagnosis.settings import AXIS_LEVEL, NEGLIGIBLE, RESAMPLES
 from hydro.core.evaluation.block_resampling import block_sums, weights
 from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.prediction.normal_equations import block_length
@@ -20,10 +16,6 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
 
     The errors of both steps are paired by stretch.  Blocks of successive stretches are resampled by the
     Bayesian bootstrap.  A rise of the error by less than NEGLIGIBLE is not material.
-
-    Args:
-        before: Squared errors of the earlier step.
-        after: Squared errors of the later step over the same stretches.
     """
     seen = np.flatnonzero(before.counts.sum(axis=0))
     if len(before.sums) < 2 or not seen.size:
@@ -35,11 +27,7 @@ def worse_axes(before: Squares, after: Squares) -> tuple[str, ...]:
 
 
 def _rejected(p_values: Array) -> list[int]:
-    """Return the indices of the hypotheses that Holm's procedure rejects at AXIS_LEVEL, in ascending order.
-
-    Args:
-        p_values: Probability of each difference by chance, (A,) for A axes.
-    """
+    """Return the indices of the p-values that Holm's procedure rejects at AXIS_LEVEL, in ascending order."""
     order, found = np.argsort(p_values, kind="stable"), []
     for number, index in enumerate(order):
         if p_values[index] > AXIS_LEVEL / (len(order) - number):

@@ -19,10 +19,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.pipeline import Beyond, diagnose_log
 from hydro.core.diagnosis.provisional import Told
-from hydro.core.diagnosis.settings import (
-    FAR_FROM_NOISE,
-    MOST_STEPS,
-)
+from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
 from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
@@ -111,10 +108,7 @@ def _ended(steps: Sequence[Step], wanted: Sequence[str]) -> bool:
 def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
     """Check that a recording is long enough for the predictions of a study.
 
-    Args:
-        vehicle: Vehicle file.
-        raw: Raw table of the recording.
-        beside: Whether a hull-force model is used, which needs a minimum number of shots as well.
+    With a hull-force model (`beside`) a minimum number of shots is needed as well.
 
     Raises:
         DataError: The recording does not fit the vehicle, no session lasts HORIZON, or, with `beside`, there
@@ -129,12 +123,7 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
 
 
 def ending(steps: Sequence[Step], wanted: Sequence[str] = ()) -> str:
-    """Return the reason why a study has no further step, once `explain` has ended.
-
-    Args:
-        steps: All steps.
-        wanted: Effects of the findings that were to be added; empty where each step chose its own.
-    """
+    """Return the reason why a study has no further step, once `explain` has ended."""
     if wanted:
         return "all requested findings are added"
     return over(steps) or _with_suspects(NO_BETTER, steps[-1])

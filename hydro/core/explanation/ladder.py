@@ -16,9 +16,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import Status
-from hydro.core.diagnosis.settings import (
-    NEGLIGIBLE,
-)
+from hydro.core.diagnosis.settings import NEGLIGIBLE
 from hydro.core.evaluation.yardsticks import JUDGED, LEVEL, PREDICTORS, column
 from hydro.core.explanation.with_hull import BESIDE, FLOOR
 from hydro.core.explanation.with_hull import LEVEL as OF_HULL
@@ -69,8 +67,7 @@ class Step:
     def error(self, dataset: str) -> float | None:
         """Return the error of all velocities together, HORIZON ahead [m/s]; None without such data.
 
-        Args:
-            dataset: One of DATASETS.
+        `dataset` is one of DATASETS.
         """
         row = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
         return None if row.is_empty() else float(row["rmse"][0])
@@ -95,9 +92,6 @@ def best_step(ladder: pl.DataFrame) -> int:
 
     The first of these errors that the ladder has decides: of the held-out recording in units of the floor of
     a hull-force model; of that recording HORIZON ahead; of held-out stretches of the fitted recording.
-
-    Args:
-        ladder: Rows of all steps.
     """
     held_out = ladder.filter(dataset="holdout")
     tried = (
@@ -114,12 +108,6 @@ def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFr
     """Return rows of the ladder from one comparison: errors of predictions over the whole recording.
 
     With a hull-force model, a row holds the error of all channels together in units of its floor.
-
-    Args:
-        number: Number of the step.
-        added: Effects that the step added.
-        dataset: One of DATASETS.
-        comparison: Comparison of the step's vehicle with that recording.
     """
     key = ["axis", "horizon"]
     beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("by") == BESIDE)

@@ -31,9 +31,6 @@ def options(step: Step) -> list[dict[str, Table]]:
     effects of the file with new values.  The best confirmed finding is the only choice, unless trials decide
     (`is_open`): then all unconfirmed effects are choices too.  New values alone make a step only if the last
     one did not fit these effects.
-
-    Args:
-        step: Last step, with its diagnosis.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "").sort("rank")
     if of_change(step):
@@ -52,10 +49,6 @@ def options(step: Step) -> list[dict[str, Table]]:
 
 def finding_option(step: Step, effect: str) -> dict[str, Table]:
     """Return the choice that adds one finding of a diagnosis, with the new values of existing effects.
-
-    Args:
-        step: Step with the diagnosis.
-        effect: Name of the finding's effect.
 
     Returns:
         The `[[effect]]` tables to fit together, by effect name.
@@ -81,12 +74,7 @@ def is_open(step: Step) -> bool:
 
 
 def is_stated(last: Step, step: Step) -> bool:
-    """Return whether one step's diagnosis confirms all effects that the next step adds or refits.
-
-    Args:
-        last: Step with the diagnosis.
-        step: Next step.
-    """
+    """Return whether one step's diagnosis confirms all effects that the next step adds or refits."""
     return all(states(last, name) for name in step.added)
 
 
@@ -104,10 +92,6 @@ def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
     """Return a choice with the best confirmed change that the step has not fitted; empty without one.
 
     Without a confirmed change it is the best unconfirmed one, if any of these is likely.
-
-    Args:
-        step: Last step.
-        findings: Its findings with values, the best first.
     """
     fitted = {table["name"] for table in step.tables}
     stated = findings.filter(pl.col("verdict").is_in(STATED))["effect"]

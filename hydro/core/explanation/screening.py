@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.confidence import Fitted, left_out_costs
+from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.model import begun, screened, unfitted
 from hydro.core.diagnosis.settings import CORRELATED, SUSPECT_SPREAD
 from hydro.core.identification.levenberg_marquardt import Problem
 from hydro.core.identification.suspects import suspects
-from hydro.core.prediction.normal_equations import Normal
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -40,15 +39,11 @@ def promising(
     screening, there = screened(model, tried, len(fold)), list(range(len(model.values)))
     weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT_SPREAD**-2
 
-    def left(normal: Normal) -> Array:
-        count = len(normal.gram[0]) - 1
-        return left_out_costs(Fitted(normal, np.zeros(count), np.full(count, weight)), fold)
-
-    without = left(screening.normal.of(there))
+    without = left_out_costs(screening.normal.of(there), fold, information=weight)
     found = list[tuple[float, dict[str, Any]]]()
     for name, (_, columns) in screening.ranked.items():
         both = [*there, *columns]
-        after = left(screening.normal.of(both))
+        after = left_out_costs(screening.normal.of(both), fold, information=weight)
         told = np.isfinite(without) & np.isfinite(after)
         table = screening.beginning(name, np.full(len(both), weight))
         found.append((float((without[told] - after[told]).sum()), table))

@@ -39,13 +39,7 @@ def retuned(first: Step) -> list[str]:
 
 
 def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
-    """Return the overall result of a study: kind, title and sentences.
-
-    Args:
-        steps: All steps.
-        chosen: Step to use.
-        dt: Sample time of the recording [s].
-    """
+    """Return the overall result of a study: kind, title and sentences; `dt` is the sample time [s]."""
     file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
     left = chosen.chi2[-1] if of_change(chosen) else None
     rest = [one for one in findings(chosen.diagnosis) if one.verdict in (*UNEXPLAINED, "log_fault")]
@@ -71,10 +65,7 @@ def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
 def corrections(steps: Sequence[Step], chosen: Step, dt: float) -> list[str]:
     """Return a sentence with values and standard errors for each correction of a study, confirmed ones first.
 
-    Args:
-        steps: All steps.
-        chosen: Step to use.
-        dt: Sample time of the recording [s].
+    `dt` is the sample time of the recording [s].
     """
     file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
     told = []
@@ -117,15 +108,8 @@ def _unproven(one: Finding) -> Finding:
 
 
 def _finding(table: dict[str, Any], known: bool) -> Finding:
-    """Return the finding that corresponds to an effect that a study added.
-
-    Args:
-        table: `[[effect]]` table of the effect.
-        known: Whether the file has the effect already.
-    """
-    values, errors = _values(table)
-    name = table["name"]
-    return Finding("retune" if known else "missing", name, (name,), parameters=values, standard_errors=errors)
+    """Return the finding that corresponds to an effect that a study added."""
+    return Finding.of("retune" if known else "missing", table["name"], _values(table))
 
 
 def _values(table: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -9,7 +9,7 @@ a change is fitted with the changes of earlier steps only.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -86,14 +86,7 @@ class Recordings:
     def of(
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
-        """Return both recordings preprocessed; the held-out one gets the order of commands of the other one.
-
-        Args:
-            vehicle: Vehicle file of step 0.
-            raw: Raw table of the recording of all fits.
-            holdout: Raw table of the held-out recording; None without one.
-            hull: Hull-force model from a recording before a change; None without one.
-        """
+        """Return both recordings preprocessed; the held-out one gets the other one's order of commands."""
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
@@ -118,10 +111,6 @@ class Recordings:
         Each channel is weighted by the vehicle's residual, because sensor noise is not the relevant scale far
         from the noise.  Logged initial states keep the noise of the log: an error of the model does not make
         the sensors worse, and free initial states would absorb part of it.
-
-        Args:
-            vehicle: Vehicle that predicts.
-            most: Maximum number of shots.
         """
         enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
         stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
@@ -149,10 +138,7 @@ class Recordings:
 
         With a hull-force model the table has rows of the level `hull` too.
 
-        Args:
-            vehicle: Vehicle file.
-            log: `log` or `holdout` of this object.
-            progress: Called with a short text and the share of the work done.
+        `log` is one of the two recordings of this object.
         """
         yardstick = self.yardstick if log is self.log else self.yardstick.of_others
         found = compare(vehicle, log.raw, record=log.observed, yardstick=yardstick, progress=progress)
@@ -167,10 +153,7 @@ class Recordings:
     ) -> Squares:
         """Return the squared errors of held-out stretches, HORIZON ahead; each fit leaves some stretches out.
 
-        Args:
-            vehicle: Vehicle with starting values.
-            fitted: Effects that are fitted.
-            problem: Shots for the fits; by default those of `judged`.
+        By default the fits use the shots of `judged`.
         """
         begun = (problem or self.judged(vehicle)).at_measured_states(vehicle)
         return left_out_squares(vehicle, fitted, begun, self.log.shots(HORIZON))
@@ -184,10 +167,6 @@ class Recordings:
 
         An axis counts only if zero velocity would be significantly worse than before, or better than after.
         Otherwise its prediction was worthless before.
-
-        Args:
-            before: Squared errors of the earlier vehicle.
-            after: Squared errors of the later vehicle over the same stretches.
         """
         rest = squares_at_rest(self.log.shots(HORIZON))
         lost = {*worse_axes(before, rest), *worse_axes(rest, after)}
@@ -198,10 +177,6 @@ class Recordings:
 
         The one that predicts the recording better is chosen.  Equation error integrates nothing, so values
         far from the truth do not lead it into a poor local minimum.
-
-        Args:
-            vehicle: Vehicle.
-            effects: Names of the effects with values to estimate.
         """
         unknown = free(vehicle, effects, reach=self.log.track) if effects else None
         if unknown is None or not unknown.entries:
@@ -214,10 +189,6 @@ class Recordings:
 
         Predictions of a vehicle that is far from the noise may leave the measured motion, where effects would
         act otherwise.  Then effects are ranked by equation error, along that motion.
-
-        Args:
-            vehicle: Vehicle.
-            own: Names of its effects that are fitted together with each tried effect.
         """
         if not self.is_far(vehicle):
             problem = OutputError.of(self.problem.shots, vehicle)
@@ -230,18 +201,20 @@ class Recordings:
     ) -> Vehicle:
         """Return the vehicle with effects fitted to some shots.
 
-        Args:
-            vehicle: Vehicle.
-            wanted: Names or starting tables of the effects.
-            problem: Shots.
-            iterations: Maximum number of iterations.
-
         Raises:
             Diverges: The predicted motion diverges.
         """
         begun = free(vehicle, wanted, reach=self.log.track)
         problem = problem.at_measured_states(begun.at(begun.starts[0]))
         return fit_model(vehicle, wanted, problem, self.log.track, iterations).vehicle
+
+    def fit_from(self, vehicle: Vehicle, names: Sequence[str], problem: OutputError) -> Fit | None:
+        """Return the fit of effects to some shots from a vehicle's values; None if it diverges."""
+        try:
+            begun = problem.at_measured_states(vehicle)
+            return fit_model(vehicle, names, begun, self.log.track, ITERATIONS).estimated()
+        except Diverges:
+            return None
 
 
 @dataclass(frozen=True)
@@ -270,12 +243,6 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     unconfirmed candidate predicts these stretches better than the last step, or than the refitted file.  Far
     from the noise, pairs of the best candidates are tried where none alone is better: one may be needed for
     the values of the other, as added mass and the cross terms of damping.
-
-    Args:
-        last: Last step, whose diagnosis gives the candidates.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        progress: Called with a short text and the share of the work done.
     """
     every, undecided = options(last), is_open(last)
     if not undecided and len(every) == 1:
@@ -288,15 +255,12 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     begun = last
     if undecided and not last.tables:  # the file as given may be far from any good fit
         begun = replace(last, vehicle=recordings.started(last.vehicle, _fitted_there(last)))
-    problem = recordings.judged(begun.vehicle)
-    found = quick_fits(begun, every, recordings, problem, progress)
-    quick = sorted(found, key=lambda one: (one.is_implausible, one.error))
+    tests = QuickFits(begun, file, recordings, recordings.judged(begun.vehicle))
+    quick = tests.of(every, progress)
     progress("the best of them on held-out stretches", 0.5)
-    order, first = _best_of(quick, begun, file, recordings, problem), None
+    order, first = tests.best_of(quick), None
     if not order and undecided and recordings.is_far(begun.vehicle):
-        both = list(quick_fits(begun, _pairs(quick), recordings, problem, part(progress, 0.6, 0.8)))
-        both.sort(key=lambda one: (one.is_implausible, one.error))
-        order = _best_of(both, begun, file, recordings, problem)
+        order = tests.best_of(tests.of(_pairs(quick), part(progress, 0.6, 0.8)))
     progress("joint fit", 0.8)
     for one in order:
         trial = _trial(last, one.found, file, recordings, one.vehicle)
@@ -310,84 +274,16 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 def chosen_trial(last: Step, effect: str, file: Vehicle, recordings: Recordings) -> Trial:
     """Return the trial of one finding of the last diagnosis, fitted together with all existing effects.
 
-    Args:
-        last: Last step.
-        effect: Effect of the finding.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-
     Raises:
         DataError: The diagnosis has no values for the effect, or the fit diverges.
     """
     return _trial(last, finding_option(last, effect), file, recordings)
 
 
-def _best_of(
-    quick: Sequence[Quick], last: Step, file: Vehicle, recordings: Recordings, problem: OutputError
-) -> list[Quick]:
-    """Return converged fits that predict held-out stretches better and no axis significantly worse.
-
-    The best is first.  Of fits whose errors are equal to within NEGLIGIBLE, that is the one with the fewest
-    parameters; steady loads that do not improve its prediction are removed.  A confirmed effect need not
-    predict better.
-
-    Args:
-        quick: Quick fits, the best first.
-        last: Last step.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        problem: Shots of the quick fits.
-    """
-    before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
-    if not last.tables:  # the file as given was fitted to nothing here
-        before = min(before, recordings.left_out(file, []), key=recordings.error)
-
-    here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
-
-    def predicted(one: Quick) -> tuple[float, Quick]:
-        """Return the error of held-out stretches, infinite if an axis is worse, and the converged fit."""
-        one = one.ended(recordings)
-        after = recordings.left_out(one.vehicle, names_of(one.wanted))
-        return np.inf if recordings.worsened_axes(before, after) else recordings.error(after), one
-
-    def joins(error: float, one: Quick) -> bool:
-        """Return whether the fit may be added."""
-        return (1.0 + NEGLIGIBLE) * error < here or (states(last, one.effect) and np.isfinite(error))
-
-    errors, listed = (
-        list[tuple[float, Quick]](),
-        list(dict.fromkeys(one.effect for one in quick))[:CONTENDERS],
-    )
-    most = FIT**0.5 * quick[0].error if quick and recordings.is_far(last.vehicle) else np.inf
-    for one in (one for one in quick if one.effect in listed and one.error <= most):
-        if errors and one.is_implausible > errors[0][1].is_implausible:
-            break
-        found = predicted(one)
-        errors += [found] if np.isfinite(found[0]) else []
-    better = [found for found in errors if joins(*found)]
-    if not better:
-        return []
-    alike = (1.0 + NEGLIGIBLE) * min(error for error, _ in better)
-    first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
-    for load in [name for name in STEADY if name in first.found and name != first.effect]:
-        rest = {name: table for name, table in first.found.items() if name != load}
-        for error, one in map(predicted, _quick_fit(last, rest, recordings, problem)):
-            better += [(error, one)] if joins(error, one) else []
-            first = one if error <= alike else first
-    better.sort(key=lambda found: found[0])
-    return [first, *(one for _, one in better if one is not first)]
-
-
 def _beside(
     last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings
 ) -> list[dict[str, Table]]:
-    """Return further candidates of the catalogue that are no choices yet, the most promising first.
-
-    Args:
-        last: Last step.
-        every: Choices from the diagnosis.
-        recordings: Both recordings.
-    """
+    """Return further candidates of the catalogue that are no choices yet, the most promising first."""
     found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
@@ -454,50 +350,95 @@ class Quick:
         return len(free(self.vehicle, names_of(self.wanted)).entries)
 
 
-def quick_fits(
-    last: Step,
-    every: Sequence[Mapping[str, Table]],
-    recordings: Recordings,
-    problem: OutputError,
-    progress: Progress,
-) -> Iterator[Quick]:
-    """Yield fits with few iterations of the candidates, and of their simpler special cases, if they converge.
+@dataclass(frozen=True)
+class QuickFits:
+    """Quick fits of the candidates for one step, and their errors on held-out stretches.
 
-    Args:
-        last: Last step.
-        every: Candidates: tables by effect, the new effect first.
+    Attributes:
+        last: Last step, with the vehicle from which the fits start.
+        file: Vehicle file of step 0.
         recordings: Both recordings.
         problem: Shots of the fits.
-        progress: Called with a short text and the share that is done.
     """
 
-    def tried(found: Mapping[str, Table]) -> list[Quick]:
-        effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)
+    last: Step
+    file: Vehicle
+    recordings: Recordings
+    problem: OutputError
+
+    def of(self, every: Sequence[Mapping[str, Table]], progress: Progress) -> list[Quick]:
+        """Return the fits of candidates and of their simpler special cases that converge, the best first."""
+        quick = list[Quick]()
+        for number, (found, fits) in enumerate(zip(every, shared(self._tried, every), strict=True)):
+            progress(f"{next(iter(found))} tried with all existing effects", 0.5 * number / len(every))
+            quick += fits
+        return sorted(quick, key=lambda one: (one.is_implausible, one.error))
+
+    def _tried(self, found: Mapping[str, Table]) -> list[Quick]:
+        """Return the fit of a candidate, and those of the simpler special cases of its first effect."""
+        effect, quick = next(iter(found)), self._fit(found)
         rest = {name: table for name, table in found.items() if name != effect}
-        plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle, itself=True)]
-        others = [{table["name"]: table, **rest} for table in plain]
-        return [*quick, *(one for each in others for one in _quick_fit(last, each, recordings, problem))]
+        given = self.last.vehicle
+        plain = [table for one in quick for table in plainer(one.vehicle, effect, given, itself=True)]
+        return [*quick, *(one for table in plain for one in self._fit({table["name"]: table, **rest}))]
 
-    for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
-        progress(f"{next(iter(found))} tried with all existing effects", 0.5 * number / len(every))
-        yield from quick
+    def _fit(self, found: Mapping[str, Table]) -> list[Quick]:
+        """Return the quick fit of a candidate; empty if it diverges."""
+        recordings, begun = self.recordings, self.last.vehicle
+        wanted: Wanted = _wanted(self.last, found)
+        try:
+            if recordings.is_far(begun):
+                unknown, names = free(begun, wanted, reach=recordings.log.track), names_of(wanted)
+                begun, wanted = recordings.started(unknown.at(unknown.starts[0]), names), names
+            vehicle = recordings.tried(begun, wanted, self.problem)
+            is_implausible = bool(implausible(vehicle, list(found)))
+            return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
+        except DataError:
+            return []
 
+    def best_of(self, quick: Sequence[Quick]) -> list[Quick]:
+        """Return converged fits that predict held-out stretches better and no axis significantly worse.
 
-def _quick_fit(
-    last: Step, found: Mapping[str, Table], recordings: Recordings, problem: OutputError
-) -> list[Quick]:
-    """Return the quick fit of a candidate; empty if it diverges."""
-    wanted: Wanted = _wanted(last, found)
-    begun = last.vehicle
-    try:
-        if recordings.is_far(last.vehicle):
-            unknown, names = free(begun, wanted, reach=recordings.log.track), names_of(wanted)
-            begun, wanted = recordings.started(unknown.at(unknown.starts[0]), names), names
-        vehicle = recordings.tried(begun, wanted, problem)
-        is_implausible = bool(implausible(vehicle, list(found)))
-        return [Quick(found, wanted, vehicle, is_implausible, recordings.error_ahead(vehicle))]
-    except DataError:
-        return []
+        The best is first.  Of fits whose errors are equal to within NEGLIGIBLE, that is the one with the
+        fewest parameters; steady loads that do not improve its prediction are removed.  A confirmed effect
+        need not predict better.
+        """
+        last, recordings = self.last, self.recordings
+        before = recordings.left_out(last.vehicle, _fitted_there(last), self.problem)
+        if not last.tables:  # the file as given was fitted to nothing here
+            before = min(before, recordings.left_out(self.file, []), key=recordings.error)
+        here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
+
+        def predicted(one: Quick) -> tuple[float, Quick]:
+            """Return the error of held-out stretches, infinite if an axis is worse, and the converged fit."""
+            one = one.ended(recordings)
+            after = recordings.left_out(one.vehicle, names_of(one.wanted))
+            return np.inf if recordings.worsened_axes(before, after) else recordings.error(after), one
+
+        def joins(error: float, one: Quick) -> bool:
+            """Return whether the fit may be added."""
+            return (1.0 + NEGLIGIBLE) * error < here or (states(last, one.effect) and np.isfinite(error))
+
+        errors = list[tuple[float, Quick]]()
+        listed = list(dict.fromkeys(one.effect for one in quick))[:CONTENDERS]
+        most = FIT**0.5 * quick[0].error if quick and recordings.is_far(last.vehicle) else np.inf
+        for one in (one for one in quick if one.effect in listed and one.error <= most):
+            if errors and one.is_implausible > errors[0][1].is_implausible:
+                break
+            found = predicted(one)
+            errors += [found] if np.isfinite(found[0]) else []
+        better = [found for found in errors if joins(*found)]
+        if not better:
+            return []
+        alike = (1.0 + NEGLIGIBLE) * min(error for error, _ in better)
+        first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
+        for load in [name for name in STEADY if name in first.found and name != first.effect]:
+            rest = {name: table for name, table in first.found.items() if name != load}
+            for error, one in map(predicted, self._fit(rest)):
+                better += [(error, one)] if joins(error, one) else []
+                first = one if error <= alike else first
+        better.sort(key=lambda found: found[0])
+        return [first, *(one for _, one in better if one is not first)]
 
 
 def _trial(
@@ -510,14 +451,7 @@ def _trial(
     """Fit all effects of the last step and a candidate together.
 
     With a hull-force model, velocity sensor errors keep the values that kinematics shows, because the error
-    of the hull model would bias them.
-
-    Args:
-        last: Last step.
-        found: Tables of the candidate by effect.
-        file: Vehicle file of step 0.
-        recordings: Both recordings.
-        tried: Vehicle with the values of a quick fit, another starting point; None without one.
+    of the hull model would bias them.  Further fits may start at `tried`, the vehicle of a quick fit.
 
     Raises:
         DataError: The fit diverges.
@@ -554,8 +488,11 @@ def _fit_together(
     """
     if not wanted:
         return None
-    if tried is not None and (far := _fit_ahead(tried, names_of(wanted), recordings)) is not None:
-        return far
+    ahead = recordings.ahead(tried, SHOTS) if tried is not None and recordings.is_far(tried) else None
+    if tried is not None and ahead is not None:
+        far = recordings.fit_from(tried, names_of(wanted), ahead)
+        if far is not None:
+            return far
     log = recordings.log
     unknown = free(vehicle, wanted, reach=log.track)
     begun = unknown.at(unknown.starts[0])
@@ -570,39 +507,18 @@ def _fit_together(
 
     def better(fit: Fit, there: Vehicle, problem: OutputError) -> Fit:
         """Return the better of the fit and one to other shots from the values of a vehicle."""
-        try:
-            other = fit_model(
-                there, names, problem.at_measured_states(there), log.track, ITERATIONS
-            ).estimated()
-        except Diverges:
-            return fit
-        return min(fit, other, key=lambda one: recordings.error_ahead(one.vehicle))
+        other = recordings.fit_from(there, names, problem)
+        return fit if other is None else min(fit, other, key=lambda one: recordings.error_ahead(one.vehicle))
 
     fit = better(fit, recordings.started(start, names) if tried is None else tried, resolved(problem))
     ahead = recordings.ahead(fit.vehicle, SHOTS)
     return fit if ahead is None else better(fit, fit.vehicle, ahead)
 
 
-def _fit_ahead(tried: Vehicle, names: Sequence[str], recordings: Recordings) -> Fit | None:
-    """Fit effects to predictions over HORIZON, where a quick fit is far from the noise; else return None."""
-    ahead = recordings.ahead(tried, SHOTS) if recordings.is_far(tried) else None
-    if ahead is None:
-        return None
-    try:
-        problem = ahead.at_measured_states(tried)
-        return fit_model(tried, names, problem, recordings.log.track, ITERATIONS).estimated()
-    except Diverges:
-        return None
-
-
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
     """Return the effects that are fitted together: existing, added and new ones, with starting values.
 
     Random effects, such as waves, are estimated by the diagnosis and not by a fit.
-
-    Args:
-        last: Last step.
-        found: Tables of a candidate by effect.
     """
     new = [
         bare(table) if len(table) > 1 else name

@@ -36,12 +36,6 @@ FLOOR = "floor"
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
     """Return a comparison extended by the errors that remain once the hull force is corrected for.
 
-    Args:
-        comparison: Comparison table of the same vehicle and recording.
-        vehicle: Vehicle file.
-        log: Later recording.
-        hull: Hull-force model learnt from the earlier recording.
-
     Returns:
         The table with rows of the level `hull`.  `by` names the predictor: the file alone, or with the hull
         force.  `place` is `before` for the earlier recording and `after` for the later one.  `horizon` [s] is
@@ -88,10 +82,6 @@ def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str
 
 def _levels(normal: Normal, weight: Array) -> Array:
     """Return root mean square residuals of C channels and of all together, with 95 % intervals.
-
-    Args:
-        normal: Residuals of the shots.
-        weight: Weight of each shot, (S,).
 
     Returns:
         Value, lower and upper end, (3, C + 1); NaN for a channel without a sample.

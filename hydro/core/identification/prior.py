@@ -117,6 +117,19 @@ def _sizes(file: Vehicle, entries: Sequence[Entry]) -> Array:
     return np.maximum(np.abs(in_file(file, entries)), [entry.scale for entry in entries])
 
 
+def change_of(effect: str, file: Vehicle, unknown: Free, values: Array) -> Change:
+    """Return the component of one effect whose fitted value deviates most from the file's.
+
+    Args:
+        effect: Name of the effect.
+        file: Vehicle file.
+        unknown: The P components of the fit.
+        values: Fitted values, (P,).
+    """
+    own = unknown.places(effect)
+    return greatest_change(file, [unknown.entries[i] for i in own], values[own])
+
+
 def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> Change:
     """Return the change of the component whose fitted value differs most from the file's.
 

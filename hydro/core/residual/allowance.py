@@ -24,12 +24,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.identification.levenberg_marquardt import Prior, moved
 from hydro.core.prediction.candidate import candidate
-from hydro.core.prediction.multiple_shooting import (
-    ENDLESS,
-    corrected_first,
-    prepare,
-    residuals,
-)
+from hydro.core.prediction.multiple_shooting import ENDLESS, corrected_first, prepare, residuals
 from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.prediction.output_error import SHORTER
 from hydro.core.prediction.parameters import Free

@@ -77,7 +77,10 @@ class Hull:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             transitions: The shots, with their responses to forces.
         """
-        return acting(self.law, vehicle, transitions, self.simulated)
+        wrench = self.law.wrench(vehicle, transitions.shots)
+        if self.simulated:
+            return ForcedOutputError.under(transitions.shots, wrench)
+        return OutputError(transitions.corrected(wrench))
 
     @property
     def describes(self) -> bool:
@@ -93,22 +96,6 @@ def describes(given: float, left: float) -> bool:
         left: Reduced chi-square of held-out stretches with the model.
     """
     return left <= max(given, FIT)
-
-
-def acting(law: Law, vehicle: Vehicle, transitions: Transitions, simulated: bool) -> OutputError:
-    """Return the shots of a recording as a fitting problem that takes account of a residual wrench.
-
-    Args:
-        law: The residual wrench as a function of motion.
-        vehicle: The vehicle; its current and DVL errors determine the motion through the water.
-        transitions: The shots, with their responses to forces.
-        simulated: Whether the force acts in the simulation; otherwise the response to it is subtracted from
-            the measurements.
-    """
-    wrench = law.wrench(vehicle, transitions.shots)
-    if simulated:
-        return ForcedOutputError.under(transitions.shots, wrench)
-    return OutputError(transitions.corrected(wrench))
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
@@ -142,7 +129,7 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
 def _of_first_order(vehicle: Vehicle, transitions: Transitions, hull: Hull) -> bool:
     """Return whether the simulated response to the hull force is as accurate as that of first order."""
     sigma = hull.sigma * hull.floor
-    both = (acting(hull.law, vehicle, transitions, simulated) for simulated in (False, True))
+    both = (replace(hull, simulated=one).acting(vehicle, transitions) for one in (False, True))
     first, other = (one.weighed(sigma).linearise(vehicle, [], []).gram[:, -1, -1] for one in both)
     return bool(np.median(other) <= RIGHT * np.median(first))
 
@@ -183,7 +170,8 @@ def known_by(vehicle: Vehicle, problem: OutputError, law: Law) -> Hull:
         law: The residual wrench.
     """
     transitions = Transitions.of(candidate(vehicle), problem.shots)
-    return judged(vehicle, problem, acting(law, vehicle, transitions, simulated=False), law)
+    corrected = transitions.corrected(law.wrench(vehicle, problem.shots))
+    return judged(vehicle, problem, OutputError(corrected), law)
 
 
 def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: Law) -> Hull:

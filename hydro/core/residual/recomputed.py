@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER
+from hydro.core.prediction.multiple_shooting import ENDLESS
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.recording.shots import CHANNELS
 from hydro.core.residual.free_law import FreeLaw, without
 from hydro.core.residual.hull import Hull
+from hydro.core.residual.regression import answers
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
@@ -47,16 +48,10 @@ class Recomputed:
             hull: The hull-force model.
             transitions: The shots, with the transitions of small deviations from row to row.
         """
-        shots, found = transitions.shots, list[Array]()
-        for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
-            part = slice(begin, begin + SHOTS_TOGETHER)
-            none = np.zeros((len(shots.starts[part]), shots.length, 6, CHANNELS))
-            answers = transitions.answers(part, none, np.eye(CHANNELS))[:, shots.lead :]
-            answers /= shots.sigma[:, None]
-            if (counted := shots.weights(part)) is not None:
-                answers[~counted] = 0.0
-            found.append(np.linalg.qr(answers.reshape(len(answers), -1, CHANNELS))[0])
-        return cls(hull, transitions, np.concatenate(found))
+        no_terms = np.zeros((transitions.shots.record.rows, 0))
+        parts = answers(transitions, no_terms, np.zeros(0), every=1)
+        begun = [np.linalg.qr(one.reshape(len(one), -1, CHANNELS))[0] for _, one in parts]
+        return cls(hull, transitions, np.concatenate(begun))
 
     def with_free_law(self, vehicle: Vehicle) -> Recomputed:
         """Return the problem with free hull-force coefficients, known as the earlier recording shows them.

@@ -153,19 +153,23 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
     return out
 
 
-def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[tuple[slice, Array]]:
+def answers(
+    transitions: Transitions, library: Array, prior: Array, every: int | None = None
+) -> Iterator[tuple[slice, Array]]:
     """Yield the responses of batches of shots to their initial states and to library terms on every axis.
 
     Args:
         transitions: Shots of the recording, with their responses to forces.
         library: The F terms at each of N rows of the recording, (N, F).
         prior: Units of the coefficients, six axes for each term, (6 F,).
+        every: Number of rows from one compared row to the next; by default that of `thinning`.
 
     Yields:
         Slice of s shots, and the responses of the compared rows in units of the noise, (s, rows, 12, 12 + 6
         F).
     """
-    shots, thin = transitions.shots, thinning(transitions.shots)
+    shots = transitions.shots
+    thin = every or thinning(shots)
     begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
     for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
         part = slice(begin, begin + SHOTS_TOGETHER)

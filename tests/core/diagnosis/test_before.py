@@ -16,7 +16,7 @@ from recordings import WEAK, damped, flown
 from hydro.core.diagnosis import by_change as before_
 from hydro.core.diagnosis import contenders, log_faults
 from hydro.core.diagnosis.by_change import Change, Changes
-from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, DOUBTFUL, RIGHT, SURE
@@ -66,18 +66,6 @@ def half(raw):
 def diagnosed(vehicle, raw, hull):
     """Diagnose a recording beside a hull that is known already."""
     return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull)
-
-
-def test_exactly_one_candidate_of_a_step_is_marked_as_chosen():
-    """The best change of a step that was taken, and of one that was refused the model without any."""
-    model = cast(Any, SimpleNamespace(vehicle=damped(WEAK, OFFSET), values=np.zeros(1)))
-    rivals = {name: Contender(name, model, np.ones(8)) for name in (GAINS, "buoyancy_offset")}
-    change = Change(rivals[GAINS], rivals, np.full(8, 2.0), 1.0)
-    compared = cast(Any, SimpleNamespace(chi2=lambda _: 1.0))
-    for refused in (None, change):
-        listed = before_._candidates(compared, model, Changes((change,), refused))
-        chosen = [(one.step, one.effect) for one in listed if one.chosen]
-        assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
 
 
 LATE = {"name": "command_delay", "d": 0.02}
@@ -192,16 +180,16 @@ def test_a_tether_that_only_a_finer_grid_shows_is_named(hull, monkeypatch):
         "attachment": [-0.3, 0.0, 0.0],
         "anchor": [1.0, -3.0, 9.0],
     }
-    stepped = contenders.scored_by_one_step
+    stepped = Contest.scored_by_one_step
 
-    def blind(compared, last, tried):
-        ranked = stepped(compared, last, tried)
+    def blind(contest, tried):
+        ranked = stepped(contest, tried)
         if GAINS in ranked and cable["name"] in ranked:  # all effects at once, at their coarse places
             _, table = ranked.pop(cable["name"])
             ranked[cable["name"]] = (-1.0, table)
         return ranked
 
-    monkeypatch.setattr(contenders, "scored_by_one_step", blind)
+    monkeypatch.setattr(Contest, "scored_by_one_step", blind)
     found = diagnosed(damped(), half(flown(cable, seed=40)), hull).findings[0]
     assert (found.verdict, found.effect) == ("missing", "tether")
 

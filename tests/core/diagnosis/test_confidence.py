@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from hydro.core.diagnosis import confidence
 from hydro.core.diagnosis.by_likelihood import excess_share
 from hydro.core.diagnosis.confidence import (
-    Fitted,
     discounted_by_largest,
     discounted_by_unexplained,
     folds,
@@ -40,6 +39,13 @@ def drawn(seed: int = 0, columns: int = 3) -> tuple[np.ndarray, np.ndarray]:
     return rng.standard_normal((SHOTS, ROWS, columns)), rng.standard_normal((SHOTS, ROWS))
 
 
+class Fitted(NamedTuple):
+    """Linear problem about its least-squares fit, and the fitted amounts."""
+
+    normal: Normal
+    amounts: np.ndarray
+
+
 def fitted(columns: np.ndarray, error: np.ndarray) -> Fitted:
     """A linear model at its least-squares fit, which began from nothing."""
     P = columns.shape[-1]
@@ -49,10 +55,16 @@ def fitted(columns: np.ndarray, error: np.ndarray) -> Fitted:
     return Fitted(Normal(gram, ROWS, gram[:, -1:, -1], np.zeros((SHOTS, 0, P + 1))), amounts)
 
 
+def removed(first: Fitted, rival: Fitted) -> float:
+    """Share of the error of held-out sessions that a rival removes."""
+    return left_out_share(first.normal, rival.normal, rival.amounts, SESSION)
+
+
 def test_left_out_costs_equal_refits_without_the_session():
     columns, noise = drawn()
     error = columns @ [0.5, -0.3, 0.0] + noise
-    found = left_out_costs(fitted(columns, error), SESSION)
+    model = fitted(columns, error)
+    found = left_out_costs(model.normal, SESSION, model.amounts)
     for number in range(4):
         out = number == SESSION
         known = np.linalg.lstsq(columns[~out].reshape(-1, 3), error[~out].ravel())[0]
@@ -64,8 +76,8 @@ def test_a_real_effect_explains_every_session():
     columns, noise = drawn()
     error = columns @ [1.5, 0.0, 0.0] + noise
     nothing = fitted(np.zeros((SHOTS, ROWS, 0)), error)
-    assert 0.9 < left_out_share(nothing, fitted(columns[..., :1], error), SESSION) <= 1.0
-    assert left_out_share(nothing, fitted(columns[..., 2:], error), SESSION) < 0.05
+    assert 0.9 < removed(nothing, fitted(columns[..., :1], error)) <= 1.0
+    assert removed(nothing, fitted(columns[..., 2:], error)) < 0.05
 
 
 def test_many_parameters_gain_nothing_on_held_out_sessions():
@@ -74,14 +86,14 @@ def test_many_parameters_gain_nothing_on_held_out_sessions():
     many = fitted(columns, error)
     nothing = fitted(columns[..., :0], error)
     assert many.normal.cost < nothing.normal.cost
-    assert left_out_share(nothing, many, SESSION) == 0.0
+    assert removed(nothing, many) == 0.0
 
 
 def test_an_effect_in_one_session_alone_explains_no_held_out_session():
     columns, noise = drawn(columns=1)
     columns[SESSION != 2] = 0.0
     error = columns @ [2.0] + noise
-    assert left_out_share(fitted(columns[..., :0], error), fitted(columns, error), SESSION) < 0.01
+    assert removed(fitted(columns[..., :0], error), fitted(columns, error)) < 0.01
 
 
 def test_a_recording_of_few_sessions_is_cut_into_stretches():
@@ -99,11 +111,11 @@ def test_diverged_shots_count_for_no_rival():
     model = fitted(columns, columns @ [0.5, 0.0, 0.0] + noise)
     model.normal.gram[7] = 0.0
     model.normal.gram[7, -1, -1] = np.inf
-    costs = left_out_costs(model, SESSION)
+    costs = left_out_costs(model.normal, SESSION, model.amounts)
     assert np.isinf(costs[7])
     assert np.isfinite(np.delete(costs, 7)).all()
     nothing = fitted(columns[..., :0], columns @ [0.5, 0.0, 0.0] + noise)
-    assert left_out_share(nothing, model, SESSION) > 0.9
+    assert removed(nothing, model) > 0.9
 
 
 @dataclass
@@ -159,11 +171,11 @@ def test_other_parameters_are_refitted_if_an_effect_keeps_the_files_values(monke
     columns[..., 1] += columns[..., 2]  # what one loses the other takes up
     error = columns @ [0.5, -0.3, 0.1] + noise
     model, seen = fitted(columns, error), []
-    monkeypatch.setattr(confidence, "_wins", lambda costs, *_: seen.append(costs) or np.zeros(2))
+    monkeypatch.setattr(confidence, "wins", lambda costs, _: seen.append(costs) or {"changed": 0.0})
     monkeypatch.setattr(confidence, "penalty", lambda *_: 0.0)
     confidence.change_frequency(model.normal, [2], model.amounts[[2]])
     without = fitted(columns[..., :2], error)
-    np.testing.assert_allclose(seen[0][:, 1], without.normal.gram[:, -1, -1], rtol=1e-5)
+    np.testing.assert_allclose(seen[0]["unchanged"], without.normal.gram[:, -1, -1], rtol=1e-5)
 
 
 def test_the_interval_of_a_share_has_its_nominal_coverage():

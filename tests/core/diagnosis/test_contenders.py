@@ -16,8 +16,8 @@ from recordings import damped
 
 from hydro.core.diagnosis import contenders
 from hydro.core.diagnosis.by_change import Change
-from hydro.core.diagnosis.confidence import Fitted, left_out_costs
-from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.confidence import left_out_costs
+from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.model import Model, passive
 from hydro.core.diagnosis.settings import NEGLIGIBLE, SURE
 from hydro.core.effects import CATALOGUE
@@ -126,18 +126,18 @@ def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkey
     """A finer place counts where it promises more than the coarse one."""
     coarse = {"a": (0.1, {"name": "a"}), "b": (0.5, {"name": "b"}), "c": (0.3, {"name": "c"})}
     finer = {"a": (0.4, {"name": "a", "fine": True}), "c": (0.2, {"name": "c", "fine": True})}
-    monkeypatch.setattr(contenders, "_shapes", lambda compared, last, name: [name])
-    monkeypatch.setattr(contenders, "scored_by_one_step", lambda compared, last, tried: finer)
-    found = contenders._at_finer_places(cast(Any, None), cast(Any, None), coarse)
+    monkeypatch.setattr(Contest, "_shapes", lambda contest, name: [name])
+    monkeypatch.setattr(Contest, "scored_by_one_step", lambda contest, tried: finer)
+    found = Contest(cast(Any, None), cast(Any, None))._at_finer_places(coarse)
     assert found == [{"name": "b"}, {"name": "a", "fine": True}, {"name": "c"}]
 
 
 @pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])
 def test_components_that_a_recording_hardly_separates_share_no_step(whole, kept):
     costs = {(): 10.0, (0,): 2.0, (1,): 6.0, (2,): 3.0, (0, 1): 1.1, (0, 2): 1.0, (0, 1, 2): whole}
-    compared = SimpleNamespace(left_out=lambda columns: np.array([costs[columns]]))
+    contest = Contest(cast(Any, SimpleNamespace(cost=costs.get)), cast(Any, None))
     normal = SimpleNamespace(of=tuple)
-    assert contenders._needed(cast(Any, compared), cast(Any, normal), [0, 1, 2]) == kept
+    assert contest._needed(cast(Any, normal), [0, 1, 2]) == kept
 
 
 def _absorbs(name: str) -> float:
@@ -169,28 +169,25 @@ def test_needless_entries_keep_the_values_of_the_file(monkeypatch, amounts, held
     model = Model(unknown, values, None, Normal(gram, 50, gram[:, -1:, -1], np.zeros((SHOTS, 0, 4))))
     contender = Contender("thruster_gain", model, gram[:, -1, -1])
 
-    def left_out(normal):
+    def cost(normal):
         step = (
             np.linalg.solve(normal.matrix.sum(axis=0), normal.score.sum(axis=0))
             if normal.gram.shape[1] > 1
             else []
         )
-        return normal.expected(np.asarray(step, float))
+        return float(normal.expected(np.asarray(step, float)).sum())
 
     def held_at(_, begun, mask, iterations):
         np.testing.assert_allclose(begun, np.where(mask, 0.0, values))
         raise _Kept(mask.tolist())
 
     monkeypatch.setattr(contenders, "held_at", held_at)
-    compared, last = (
-        cast(Any, SimpleNamespace(left_out=left_out)),
-        cast(Any, SimpleNamespace(vehicle=vehicle)),
-    )
+    contest = Contest(cast(Any, SimpleNamespace(cost=cost)), cast(Any, SimpleNamespace(vehicle=vehicle)))
     if held is None:
-        assert contenders.without_needless_entries(compared, last, contender) is contender
+        assert contest.without_needless_entries(contender) is contender
     else:
         with pytest.raises(_Kept, match=re.escape(str(held))):
-            contenders.without_needless_entries(compared, last, contender)
+            contest.without_needless_entries(contender)
 
 
 def test_components_that_act_alike_do_not_hide_an_effect():
@@ -202,11 +199,11 @@ def test_components_that_act_alike_do_not_hide_an_effect():
     both = np.stack([*alike, error], axis=-1)
     gram = both.transpose(0, 2, 1) @ both
     normal = Normal(gram, 50, gram[:, -1:, -1], np.zeros((SHOTS, 0, 4)))
-    compared = cast(Any, SimpleNamespace(left_out=lambda each: _left_in_halves(each)))
-    assert contenders._needed(compared, normal, [0, 1, 2]) == [0]
-    assert contenders._needed(compared, normal.of([1]), [0]) == [0]
+    contest = Contest(cast(Any, SimpleNamespace(cost=_left_in_halves)), cast(Any, None))
+    assert contest._needed(normal, [0, 1, 2]) == [0]
+    assert contest._needed(normal.of([1]), [0]) == [0]
 
 
-def _left_in_halves(normal: Normal) -> np.ndarray:
-    """Return the costs of the shots of each half after a step to the other half."""
-    return left_out_costs(Fitted(normal, np.zeros(len(normal.gram[0]) - 1)), np.arange(SHOTS) % 2)
+def _left_in_halves(normal: Normal) -> float:
+    """Return the cost of the shots of each half after a step to the other half."""
+    return float(left_out_costs(normal, np.arange(SHOTS) % 2).sum())

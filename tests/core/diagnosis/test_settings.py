@@ -17,7 +17,6 @@ MODULES = [
 ]
 ELSEWHERE = {
     "baseline": {"SHOT_LENGTHS"},  # halvings of the usual length
-    "candidates": {"BLOCKS"},  # size of a kept table
     "pipeline": {"ANSWERED"},  # progress bar
     "explain": {"TRIED", "COMPARED"},  # progress bar
     "identifiability": {"EXACT", "STATES", "MIDDLE", "REACH", "SPEED"},  # random states of an exact test

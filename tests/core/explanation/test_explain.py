@@ -462,8 +462,8 @@ def test_a_diverging_shot_does_not_hide_an_effect(known, monkeypatch):
     bare = known.without("linear_damping").without("quadratic_damping")
     recordings = trials.Recordings.of(bare, flown(known, 9, 60.0), None, None)
 
-    def lost(*given):
-        costs = left_out_costs(*given)
+    def lost(*given, **named):
+        costs = left_out_costs(*given, **named)
         costs[0] = np.inf
         return costs
 
