@@ -12,8 +12,9 @@ import polars as pl
 import pytest
 
 from benchmarks.challenge import layout, make, score, seal, sources
-from benchmarks.challenge.baselines import as_given, held_of, table_of
-from benchmarks.challenge.board import board
+from benchmarks.challenge.__main__ import ordered
+from benchmarks.challenge.baselines import as_given, held_of, run, table_of
+from benchmarks.challenge.board import board, of_all
 from hydro.core.simulation.simulate import simulate
 from hydro.io import table
 from hydro.io import vehicle as vehicles
@@ -113,6 +114,17 @@ def test_the_true_vehicle_predicts_without_error(edition: Path) -> None:
     assert score.error(truth, motion, given.head(1)) > 10.0, "what is missing counts as far off"
 
 
+def test_a_baseline_without_its_package_writes_no_answer(
+    edition: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "benchmarks.challenge.network", raising=False)
+    entry = edition / "entries" / "network"
+    with pytest.raises(SystemExit, match="torch is not installed"):
+        run("network", edition / "cases" / "c00", entry)
+    assert not entry.exists()
+
+
 def test_a_script_outside_the_package_enters(edition: Path) -> None:
     script = Path(layout.__file__).with_name("example_entry.py")
     line = [sys.executable, "-I", script, edition / "cases", edition / "entries" / "example"]
@@ -123,6 +135,24 @@ def test_a_script_outside_the_package_enters(edition: Path) -> None:
     rows = board(edition, sorted((edition / "entries").iterdir()))
     assert {row["entry"] for row in rows} == {"example", "file as given"}
     assert all(row["cases"] == "1 of 60" for row in rows)
+
+
+def test_the_common_board_has_the_cases_of_all_entries() -> None:
+    def scores(*cases: str) -> list[score.Score]:
+        return [score.Score(case, "panel", True, True, None, None, (), 1.0, 1.0) for case in cases]
+
+    found = of_all({"hydro": scores("c00", "c01", "c02"), "slow": scores("c02", "c01")})
+    assert {name: [one.case for one in those] for name, those in found.items()} == {
+        "hydro": ["c01", "c02"],
+        "slow": ["c02", "c01"],
+    }
+
+
+def test_a_random_order_has_every_case_once_and_is_that_of_its_seed() -> None:
+    numbers = list(range(60))
+    assert ordered(numbers, None) == numbers
+    assert ordered(numbers, 1) == ordered(numbers, 1) != ordered(numbers, 2)
+    assert sorted(ordered(numbers, 1)) == numbers
 
 
 def test_turned_and_mirrored_recordings_obey_the_same_vehicle() -> None:

@@ -18,6 +18,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 import argparse
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from benchmarks.challenge import seal
@@ -42,10 +43,18 @@ def places(text: str) -> list[int]:
     return found
 
 
+def ordered(numbers: list[int], seed: int | None) -> list[int]:
+    """Return the numbers of cases in the random order of a seed; unchanged without a seed."""
+    if seed is None:
+        return numbers
+    return [int(number) for number in np.random.default_rng(seed).permutation(numbers)]
+
+
 def runs(chosen: argparse.Namespace) -> None:
     """Answer with a baseline all cases that it has not answered yet."""
-    wanted = [name_of(place) for place in places(chosen.cases)]
-    for there in (one for one in cases(chosen.folder / "cases") if one.name in wanted):
+    known = {one.name: one for one in cases(chosen.folder / "cases")}
+    wanted = [name_of(place) for place in ordered(places(chosen.cases), chosen.random)]
+    for there in (known[name] for name in wanted if name in known):
         for name in chosen.baseline or BASELINES:
             entry = chosen.folder / "entries" / name
             if not (entry / there.name / "answer.json").exists():
@@ -55,12 +64,13 @@ def runs(chosen: argparse.Namespace) -> None:
 def boards(chosen: argparse.Namespace) -> None:
     """Print the leaderboard, and write it as a kept table if requested."""
     entries = sorted(path for path in (chosen.folder / "entries").iterdir() if path.is_dir())
-    rows = board(chosen.folder, entries)
+    rows = board(chosen.folder, entries, chosen.common)
     print(markdown(rows))
     if chosen.keep:
-        command = "python -m benchmarks.challenge board edition"
+        option, name = (" --common", "challenge_common") if chosen.common else ("", "challenge")
+        command = f"python -m benchmarks.challenge board edition{option}"
         source = origin(pl.DataFrame({"seed": [0]}), command, chosen.keep)
-        keep("challenge", [row | source | {"seeds": "by the key of the edition"} for row in rows])
+        keep(name, [row | source | {"seeds": "by the key of the edition"} for row in rows])
 
 
 def main() -> None:
@@ -79,9 +89,11 @@ def main() -> None:
     two.add_argument("folder", type=Path)
     two.add_argument("--baseline", action="append", choices=BASELINES, help="all by default")
     two.add_argument("--cases", default=f"0-{CASES - 1}", metavar="NUMBERS", help="of those that exist")
+    two.add_argument("--random", type=int, metavar="SEED", help="take the cases in a random order")
     two.set_defaults(action=runs)
     three = commands.add_parser("board", help="score all entries and print the leaderboard")
     three.add_argument("folder", type=Path)
+    three.add_argument("--common", action="store_true", help="score only cases that every entry answers")
     three.add_argument("--keep", metavar="COMMIT", help="keep the table, of the code of a commit")
     three.set_defaults(action=boards)
     chosen = top.parse_args()

@@ -11,7 +11,6 @@ import numpy as np
 import polars as pl
 
 from benchmarks.challenge.layout import EVERY, LEAD, MOTION, VELOCITY, Given, Public
-from benchmarks.challenge.network import of_network
 from benchmarks.rivals.contest import Held, answer_of, by_vehicle
 from hydro.core.diagnosis.findings import WITH_VALUES, Finding, extended
 from hydro.core.diagnosis.pipeline import diagnose
@@ -36,6 +35,9 @@ def run(name: str, there: Path, out: Path) -> float:
 
     Returns:
         Processor time [s].
+
+    Raises:
+        SystemExit: A package of the baseline is not installed.
     """
     public = Public.read(there)
     vehicle = vehicles.parse(public.vehicle)
@@ -43,6 +45,10 @@ def run(name: str, there: Path, out: Path) -> float:
     begun = time.process_time()
     try:
         effects, velocities = BASELINES[name](vehicle, public, held)
+    except ImportError as missing:
+        raise SystemExit(
+            f"{name}: {missing.name} is not installed: install it, or leave out {name}"
+        ) from missing
     except Exception as error:  # a failed method names nothing and predicts nothing
         print(f"{name}, {public.name}: {type(error).__name__}: {error}", flush=True)
         effects, velocities = [], np.full((held.starts.size, held.length, 6), np.nan)
@@ -118,6 +124,13 @@ def _told(one: Finding) -> dict[str, Any]:
     }
 
 
+def network(vehicle: Vehicle, public: Public, held: Held) -> Answered:
+    """Answer without a name, and predict with a network trained on the log; it needs torch."""
+    from benchmarks.challenge.network import of_network
+
+    return of_network(vehicle, public, held)
+
+
 def by_rival(module: str) -> Callable[[Vehicle, Public, Held], Answered]:
     """Return the baseline of a rival method in a module of `benchmarks.rivals`.
 
@@ -135,7 +148,7 @@ BASELINES: Mapping[str, Callable[[Vehicle, Public, Held], Answered]] = {
     "file as given": as_given,
     "least squares": least_squares,
     "PySINDy": by_rival("sindy"),
-    "network": of_network,
+    "network": network,
     "scipy output error": by_rival("output_error"),
     "mujoco.sysid": by_rival("mujoco_sysid"),
     "hydro": hydro,

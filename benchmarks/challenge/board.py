@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,18 +27,27 @@ def scores_of(folder: Path, entry: Path) -> list[Score]:
     return found
 
 
-def board(folder: Path, entries: Sequence[Path]) -> list[Row]:
+def board(folder: Path, entries: Sequence[Path], common: bool = False) -> list[Row]:
     """Return the lines of the leaderboard; most right first names first.
 
     Args:
         folder: Folder of the edition.
         entries: Folders of entries, each with a folder per case.
+        common: Score only the cases that every entry answers.
     """
     found = {entry.name: scores_of(folder, entry) for entry in entries}
+    if common:
+        found = of_all(found)
     plain = {one.case: one.error for one in found.get(GIVEN, [])}
     lines = [(scores, line(name, scores, plain)) for name, scores in found.items() if scores]
     lines.sort(key=lambda one: (-sum(score.first is True for score in one[0]), one[1]["entry"]))
     return [row for _, row in lines]
+
+
+def of_all(found: Mapping[str, Sequence[Score]]) -> dict[str, list[Score]]:
+    """Return the scores of each entry in the cases that every entry answers."""
+    shared = set.intersection(*({one.case for one in scores} for scores in found.values()))
+    return {name: [one for one in scores if one.case in shared] for name, scores in found.items()}
 
 
 def line(name: str, scores: Sequence[Score], plain: dict[str, float]) -> Row:
