@@ -553,6 +553,7 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
     Raises:
         DataError: The recording is too short, or the predictions diverge.
     """
+    file = hull.completed(file)
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
     model = with_hull_response(compared, first, fitted_together(compared, first, changes))
     entries = model.unknown.entries

@@ -157,6 +157,8 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     log = cleaned(vehicle, raw)
     plain = _ordered(vehicle, log, None)
     timely = on_time(log.record, plain.lateness)
+    if hull is not None:
+        vehicle = hull.completed(vehicle)
     found = audit(vehicle, timely, beside=None if hull is None else _beside(vehicle, plain, hull))
     if found is None or not found.wrong:
         return plain.audited(found)

@@ -23,6 +23,7 @@ from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, s
 from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
 from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
+from hydro.core.diagnosis.completing import completed
 from hydro.core.diagnosis.findings import Diagnosis, Finding, doubted_gain
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
@@ -34,6 +35,7 @@ from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
+from hydro.core.residual.limits import FIT
 from hydro.core.sea.sea_state import shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -113,7 +115,10 @@ def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> H
     log = preprocess(vehicle, before)
     require_ready(log.observed)
     problem = stable_shots(vehicle, log)
-    return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
+    if law is not None:
+        return known_by(vehicle, problem, law)
+    hull = learnt(vehicle, problem)
+    return hull if hull.left <= FIT else completed(vehicle, log, hull)
 
 
 def diagnose_log(
@@ -154,6 +159,7 @@ def diagnose_log(
     if log.misdirected and hull is None:
         found = misdirected(vehicle, log)
     elif hull is not None:
+        vehicle = hull.completed(vehicle)
         found = reported(ByChange.of(vehicle, log, hull, further, provisional), search)
     else:
         search("shots", 0.0)
