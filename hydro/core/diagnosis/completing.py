@@ -8,6 +8,7 @@ import numpy as np
 
 from hydro.core.diagnosis.baseline import stable_shots, weighed_fit
 from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.settings import SHOTS
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.errors import DataError
@@ -43,7 +44,8 @@ def completed(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Hull:
     ]
     further = [name for name in LACKING if not vehicle.names(name)]
     try:
-        model, _, reached = weighed_fit(vehicle, [*own, *further], stable_shots(vehicle, log), log)
+        shots = stable_shots(vehicle, log).some(SHOTS)
+        model, _, reached = weighed_fit(vehicle, [*own, *further], shots, log)
         other = learnt(model.vehicle, stable_shots(model.vehicle, log))
     except (DataError, np.linalg.LinAlgError):
         return hull

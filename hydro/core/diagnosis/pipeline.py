@@ -31,7 +31,7 @@ from hydro.core.diagnosis.model import unfitted
 from hydro.core.diagnosis.mounting import with_mounting
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
-from hydro.core.diagnosis.status import status, with_sentences
+from hydro.core.diagnosis.status import since_earlier, status, with_sentences
 from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
@@ -275,7 +275,7 @@ def answered(
 
     Args:
         diagnosis: Diagnosis.
-        vehicle: Vehicle file.
+        vehicle: Vehicle file, fitted to the earlier recording where `hull` is.
         log: Recording.
         hull: Hull-force model from a recording before a change; None without one.
         progress: Called with a short text and the share of the work done.
@@ -286,4 +286,5 @@ def answered(
     diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
     left = None if hull is None else diagnosis.chi2[-1]
     told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
-    return replace(diagnosis, status=told)
+    whole = replace(diagnosis, status=told)
+    return whole if hull is None or hull.completion is None else since_earlier(whole)
