@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from recordings import WEAK, damped, flown
 
+from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.findings import Diagnosis, Finding, Status
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose_log, hull_of
 from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import since_earlier
 from hydro.core.residual.completion import Completion
+from hydro.core.residual.hull import learnt
 from hydro.core.residual.limits import FIT
 from hydro.core.vehicle.description import Vehicle
 
@@ -44,7 +46,11 @@ def hull():
 def test_the_hull_force_is_learnt_about_the_fitted_file(hull):
     assert hull.completion is not None
     assert hull.completion.file == far()
-    assert hull.left <= FIT < hull.given
+    file = far()
+    alone = learnt(file, stable_shots(file, preprocess(file, flown(seed=10))))
+    assert alone.left > FIT
+    assert hull.left < 0.5 * alone.left
+    assert (hull.given, hull.alone.tolist()) == (alone.given, alone.alone.tolist())
 
 
 def test_the_thrust_of_a_weak_thruster_is_right_although_the_file_is_far_off(hull):
