@@ -22,14 +22,14 @@ class Completion:
 
     Attributes:
         file: Vehicle file.
-        fitted: The file with fitted values and further effects.
+        fitted: The file with fitted effects, buoyancy and thrusters, and with further effects.
     """
 
     file: Vehicle
     fitted: Vehicle
 
     def of(self, vehicle: Vehicle) -> Vehicle:
-        """Return a vehicle with the fitted effects, except where it differs from the file already.
+        """Return a vehicle with the fitted values, except where it differs from the file already.
 
         Args:
             vehicle: The vehicle file, perhaps with effects added or changed, or one completed already.
@@ -42,4 +42,9 @@ class Completion:
             for table in vehicle.effect
         ]
         further = [table for name, table in fitted.items() if name not in given and name not in there]
-        return msgspec.structs.replace(vehicle, effect=(*own, *further))
+        buoyancy = self.fitted.buoyancy if vehicle.buoyancy == self.file.buoyancy else vehicle.buoyancy
+        pairs = zip(vehicle.thruster, self.file.thruster, self.fitted.thruster, strict=True)
+        thrusters = tuple(other if one == as_given else one for one, as_given, other in pairs)
+        return msgspec.structs.replace(
+            vehicle, effect=(*own, *further), buoyancy=buoyancy, thruster=thrusters
+        )
