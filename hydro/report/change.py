@@ -32,10 +32,12 @@ def parameters_of(told: Mapping[str, Any], hull: Hull) -> dict[str, Any]:
 
     Returns:
         A dict with one key, for `parameters` of the table's provenance: `told` and the squared errors with
-        the vehicle file alone (`given`) and with the hull-force model (`left`).
+        the vehicle file alone (`given`) and with the hull-force model (`left`).  `fitted` is true if the
+        file's effects were fitted to the recording first, and is left out otherwise.
     """
     figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
-    return {PARAMETER: {**told, **figures}}
+    fitted = {} if hull.completion is None else {"fitted": True}
+    return {PARAMETER: {**told, **figures, **fitted}}
 
 
 def of_change(one: Named) -> bool:
@@ -78,6 +80,8 @@ def learnt(before: Mapping[str, Any]) -> str:
             vehicle file alone and with the hull-force model, in units of the noise variance.
     """
     model = "with the hull-force model, on stretches left out of its fit"
+    if before.get("fitted"):
+        model = f"with the file's effects fitted to this recording and {model[5:]}"
     if "network" in before:
         learns = "was" if before.get("learnt") else "was not"
         model = f"with the network {before['network']}, which {learns} trained on it"

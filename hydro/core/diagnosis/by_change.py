@@ -443,6 +443,7 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
     Raises:
         DataError: The recording is too short, or the predictions diverge.
     """
+    file = hull.completed(file)
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
     contest = Contest(compared, first)
     model = contest.with_hull_response(contest.fitted_together(changes))

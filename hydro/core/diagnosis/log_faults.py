@@ -145,7 +145,7 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
         vehicle: Vehicle file.
         raw: Raw table.
         hull: Hull-force model learnt from an earlier recording.  Its force is subtracted from the
-            accelerations, where it would hide a different order of the commands.
+            accelerations, where it would hide a different order of the commands, if it adds to the file.
 
     Raises:
         DataError: The recording does not fit the vehicle.
@@ -153,11 +153,14 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     log = cleaned(vehicle, raw)
     plain = _ordered(vehicle, log, None)
     timely = on_time(log.record, plain.lateness)
-    found = audit(vehicle, timely, beside=None if hull is None else _beside(vehicle, plain, hull))
+    beside = None
+    if hull is not None and hull.completion is None:  # else the force adds to the fitted file
+        beside = _beside(vehicle, plain, hull)
+    found = audit(vehicle, timely, beside=beside)
     if found is None or not found.wrong:
         return plain.audited(found)
     ordered = _ordered(vehicle, log, found.wiring)
-    if hull is not None and not _predicts_better(vehicle, ordered, plain, hull):
+    if hull is not None and not _predicts_better(hull.completed(vehicle), ordered, plain, hull):
         return plain  # the hull-force model misled the audit
     misdirected = Finding(
         "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()

@@ -23,6 +23,7 @@ from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, s
 from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
 from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
+from hydro.core.diagnosis.completing import completed
 from hydro.core.diagnosis.findings import Diagnosis, Finding, doubted_gain
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
@@ -30,10 +31,11 @@ from hydro.core.diagnosis.model import unfitted
 from hydro.core.diagnosis.mounting import with_mounting
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
-from hydro.core.diagnosis.status import status, with_sentences
+from hydro.core.diagnosis.status import since_earlier, status, with_sentences
 from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
+from hydro.core.residual.limits import FIT
 from hydro.core.sea.sea_state import shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -113,7 +115,10 @@ def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> H
     log = preprocess(vehicle, before)
     require_ready(log.observed)
     problem = stable_shots(vehicle, log)
-    return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
+    if law is not None:
+        return known_by(vehicle, problem, law)
+    hull = learnt(vehicle, problem)
+    return hull if hull.left <= FIT else completed(vehicle, log, hull)
 
 
 def diagnose_log(
@@ -154,6 +159,7 @@ def diagnose_log(
     if log.misdirected and hull is None:
         found = misdirected(vehicle, log)
     elif hull is not None:
+        vehicle = hull.completed(vehicle)
         found = reported(ByChange.of(vehicle, log, hull, further, provisional), search)
     else:
         search("shots", 0.0)
@@ -248,11 +254,20 @@ def answered(
     hull: Hull | None,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Return a diagnosis with its status, and the held-out errors before and after confirmed findings."""
+    """Return a diagnosis with its status, and with the held-out errors before and after confirmed findings.
+
+    Args:
+        diagnosis: Diagnosis.
+        vehicle: Vehicle file, fitted to the earlier recording where `hull` is.
+        log: Recording.
+        hull: Hull-force model from a recording before a change; None without one.
+        progress: Called with a short text and the share of the work done.
+    """
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log, progress)
     progress("done", 1.0)
     diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
     left = None if hull is None else diagnosis.chi2[-1]
     told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
-    return replace(diagnosis, status=told)
+    whole = replace(diagnosis, status=told)
+    return whole if hull is None or hull.completion is None else since_earlier(whole)

@@ -123,6 +123,24 @@ def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnos
     return replace(diagnosis, findings=findings)
 
 
+def since_earlier(diagnosis: Diagnosis) -> Diagnosis:
+    """Return a diagnosis whose sentences compare values with those of the earlier recording.
+
+    Args:
+        diagnosis: Diagnosis with sentences and a status, of a file that was fitted to the earlier recording.
+    """
+    findings = tuple(replace(one, sentence=_since(one.sentence)) for one in diagnosis.findings)
+    told = diagnosis.status
+    if told is not None:
+        told = replace(told, sentences=tuple(_since(one) for one in told.sentences))
+    return replace(diagnosis, findings=findings, status=told)
+
+
+def _since(text: str) -> str:
+    """Return a sentence that names the value before the change in place of the file's value."""
+    return text.replace("the file's value", "its earlier value").replace("as in the file", "as before")
+
+
 def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
     """Return a finding's sentence for the headline, with the effects that would fit as well."""
     if not one.parameters:

@@ -51,7 +51,8 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
 
 def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
     """Yield the rows of `with_hull`; those of the later recording have 95 % intervals."""
-    compared, beside = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
+    whole = hull.completed(vehicle)
+    compared, beside = Compared.of(log, stable_shots(whole, log), hull, whole)
     alone = unfitted(vehicle, compared.problem).normal
     shots = compared.problem.shots
     shared = {

@@ -19,6 +19,7 @@ from hydro.core.prediction.forced import ForcedOutputError, displaced_by
 from hydro.core.prediction.multiple_shooting import predict
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.shots import SHOT_SECONDS, Shots
+from hydro.core.residual.completion import Completion
 from hydro.core.residual.limits import FIT, LEAST_SHOTS, RIGHT
 from hydro.core.residual.regression import Regression, learn, robust
 from hydro.core.residual.response import Transitions
@@ -58,6 +59,7 @@ class Hull:
         unchanged: The shots corrected by the law, each by a fit that did not use it.
         measured: The shots as measured, without the law.
         simulated: Whether the law acts in the simulation, because its response is not of first order.
+        completion: Fit of the file to the recording, if the law was learnt about the fitted vehicle.
     """
 
     law: Law
@@ -69,6 +71,15 @@ class Hull:
     unchanged: OutputError
     measured: OutputError
     simulated: bool = False
+    completion: Completion | None = None
+
+    def completed(self, vehicle: Vehicle) -> Vehicle:
+        """Return a vehicle to whose predictions the law adds: the file itself unless it was fitted.
+
+        Args:
+            vehicle: Vehicle file, perhaps with changes.
+        """
+        return vehicle if self.completion is None else self.completion.of(vehicle)
 
     def acting(self, vehicle: Vehicle, transitions: Transitions) -> OutputError:
         """Return the shots of a recording as a fitting problem that takes account of the hull force.

@@ -1,0 +1,91 @@
+"""A file that is far from its vehicle is fitted to the earlier recording before its hull force is learnt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from recordings import WEAK, damped, flown
+
+from hydro.core.diagnosis.baseline import stable_shots
+from hydro.core.diagnosis.findings import Diagnosis, Finding, Status
+from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.pipeline import diagnose_log, hull_of
+from hydro.core.diagnosis.settings import SURE
+from hydro.core.diagnosis.status import since_earlier
+from hydro.core.residual.completion import Completion
+from hydro.core.residual.hull import learnt
+from hydro.core.residual.limits import FIT
+from hydro.core.vehicle.description import Vehicle
+
+MASS, DRAG = {"name": "added_mass"}, {"name": "quadratic_damping"}
+
+
+def far() -> Vehicle:
+    """Return the file of the recorded vehicle with half of its inertia and a third of its drag."""
+    near = damped()
+    body = msgspec.structs.replace(
+        near.rigid_body, inertia=(0.5 * np.array(near.rigid_body.inertia)).tolist()
+    )
+    effects = [
+        {**table, "diagonal": (np.array(table["diagonal"]) / 3.0).tolist()}
+        if str(table["name"]).endswith("damping")
+        else table
+        for table in near.effect
+    ]
+    return msgspec.structs.replace(near, rigid_body=body, effect=tuple(effects))
+
+
+@pytest.fixture(scope="module")
+def hull():
+    return hull_of(far(), flown(seed=10))
+
+
+def test_the_hull_force_is_learnt_about_the_fitted_file(hull):
+    assert hull.completion is not None
+    assert hull.completion.file == far()
+    file = far()
+    alone = learnt(file, stable_shots(file, preprocess(file, flown(seed=10))))
+    assert alone.left > FIT
+    assert hull.left < 0.5 * alone.left
+    assert (hull.given, hull.alone.tolist()) == (alone.given, alone.alone.tolist())
+
+
+def test_the_thrust_of_a_weak_thruster_is_right_although_the_file_is_far_off(hull):
+    file = far()
+    raw = flown(WEAK, seed=40).filter(session="s0")
+    (found,) = diagnose_log(file, preprocess(file, raw, hull), hull=hull).findings
+    assert (found.verdict, found.effect) == ("missing", "thruster_gain")
+    assert found.confidence >= SURE
+    away = found.parameters["g"][1] + 0.3
+    assert abs(away) <= 2.0 * found.standard_errors["g"][1] + 0.01
+
+
+def vehicle(*effects):
+    return msgspec.structs.replace(damped(), effect=effects)
+
+
+def test_changed_and_added_effects_stay_and_the_others_are_completed():
+    fitted = (
+        MASS | {"diagonal": [2.0] * 6},
+        DRAG | {"diagonal": [3.0] * 6},
+        {"name": "net_buoyancy", "dB": 1.0},
+    )
+    given = MASS | {"diagonal": [1.0] * 6}, DRAG | {"diagonal": [1.0] * 6}
+    both = Completion(vehicle(*given), vehicle(*fitted))
+    assert both.of(vehicle(*given)) == vehicle(*fitted)
+    assert both.of(vehicle(*fitted)) == vehicle(*fitted)
+    changed = DRAG | {"diagonal": [9.0] * 6}
+    assert both.of(vehicle(given[0], changed, WEAK)) == vehicle(fitted[0], changed, WEAK, fitted[2])
+
+
+def test_sentences_name_the_earlier_value():
+    told = "Surge drag is 1.3 times the file's value (20)."
+    found = Finding("retune", "quadratic_damping", sentence=told)
+    given = replace(Diagnosis((found,), damped(), (1.0, 1.0, 1.0)), status=Status("stated", "One", (told,)))
+    earlier = since_earlier(given)
+    assert earlier.findings[0].sentence == "Surge drag is 1.3 times its earlier value (20)."
+    assert earlier.status is not None
+    assert earlier.status.sentences == (earlier.findings[0].sentence,)
