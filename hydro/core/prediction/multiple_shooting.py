@@ -84,7 +84,9 @@ class Answers(NamedTuple):
         ahead: Change of the initial internal states per unit of each parameter, (S, states, P).
         own: Initial internal states of the effects that a change adds, (S, all).
         out: Output, filled by `shoot`: deviations of the 12 channels per unit of the initial state and of
-            each parameter, (S, K, 12, 12 + P).
+            each parameter, in every row or in some rows, (S, J, 12, 12 + P).
+        stride: Integration steps after which deviations advance.  If rows have one step each, the output is
+            for every row whose number is a multiple of it, and the last row; otherwise for all K rows.
         wanted: Whether `shoot` computes the responses.
     """
 
@@ -92,6 +94,7 @@ class Answers(NamedTuple):
     ahead: Array
     own: Array
     out: Array
+    stride: int
     wanted: bool
 
     @classmethod
@@ -117,7 +120,7 @@ class Answers(NamedTuple):
         """
         columns = np.empty((len(memory), rows, CHANNELS, CHANNELS + 1))
         ahead, own = np.zeros((*memory.shape, 0)), np.zeros((len(memory), 0))
-        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS], wanted=True)
+        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS], 1, wanted=True)
 
 
 def places_of(shots: Shots, part: slice) -> Places:
@@ -414,6 +417,12 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         resume(thrusters, course, at, places.resumed[m])
         copy_kernel(initial.rotors[m], thrusters.rotors[2])
         deviations = deviations_of(
-            answers.changes, answers.ahead[m], answers.own[m], answers.out[m], answers.wanted
+            answers.changes,
+            answers.stride,
+            thrusters.table.shape[0],
+            answers.ahead[m],
+            answers.own[m],
+            answers.out[m],
+            answers.wanted,
         )
         march(motion, thrusters, course, at, out[m], None, deviations)
