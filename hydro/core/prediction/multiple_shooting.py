@@ -29,7 +29,7 @@ from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
-from hydro.core.threads import spread
+from hydro.core.threads import available, spread
 from hydro.core.vehicle.frames import body_states, quaternion_product
 from hydro.core.vehicle.thrusters import same_states
 
@@ -39,7 +39,8 @@ WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] above which a prediction counts as diverged."""
 ENDLESS = 1e9
 """Limit of residuals and derivatives of a diverging prediction [standard deviations]; sums remain finite."""
-SHOTS_TOGETHER = 8  # shots per work item, so that derivatives need at most some tens of MB
+SHOTS_TOGETHER, MOST_TOGETHER = 8, 24
+"""Least and greatest number of shots per work item: derivatives need at most some tens of MB."""
 
 
 class Places(NamedTuple):
@@ -317,6 +318,17 @@ def residuals(
     return shots.calmed(out.reshape(len(out), -1, 1), part).reshape(out.shape)
 
 
+def parts(shots: int, threads: int | None = None) -> list[slice]:
+    """Return slices of a number of shots, one for each work item; few large ones if few threads share them.
+
+    Args:
+        shots: Number of shots.
+        threads: Number of threads; by default, the number of cores.
+    """
+    size = min(max(-(-shots // (threads or available())), SHOTS_TOGETHER), MOST_TOGETHER)
+    return [slice(begin, begin + size) for begin in range(0, shots, size)]
+
+
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
     """Return the sum of squared residuals of each of S shots, those of anchored initial states included.
 
@@ -329,12 +341,12 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
         Sums in units of the noise variance, (S,); infinite for a shot that diverges.
     """
 
-    def work(begin: int) -> Array:
-        error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
+    def work(part: slice) -> Array:
+        error = residuals(prepared, shots, None, part)
         squares: Array = np.einsum("mki,mki->m", error, error)
         return squares
 
-    each = np.concatenate(spread(work, range(0, len(shots.starts), SHOTS_TOGETHER), threads))
+    each = np.concatenate(spread(work, parts(len(shots.starts), threads), threads))
     if shots.anchor is not None:
         each += (initial_residuals(prepared.model, shots) ** 2).sum(axis=1)
     each[~(each < ENDLESS**2)] = np.inf

@@ -25,7 +25,6 @@ from hydro.core.effects.program import STATE_COUNT, THRUSTER_TABLE, changed_effe
 from hydro.core.prediction import multiple_shooting
 from hydro.core.prediction.multiple_shooting import (
     ENDLESS,
-    SHOTS_TOGETHER,
     Answers,
     Prepared,
     places_of,
@@ -205,8 +204,7 @@ def linearise(
     initial = None if shots.anchor is None else _initial_columns(near, shots)
     nodes = Nodes.of(shots)
 
-    def work(begin: int) -> None:
-        part = slice(begin, begin + SHOTS_TOGETHER)
+    def work(part: slice) -> None:
         states, columns = _predicted(base, varied, shots, part, count, nodes)
         done = CHANNELS + len(varied.of)
         _through_log(near, logged, shots, nodes, states, columns, done)
@@ -235,7 +233,7 @@ def linearise(
         left = flat[..., -1] - np.einsum("srz,sz->sr", flat[..., :CHANNELS], follow[part][..., -1])
         channels[part] = squares + (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
 
-    spread(work, range(0, pieces, SHOTS_TOGETHER), threads)
+    spread(work, multiple_shooting.parts(pieces, threads), threads)
     if shots.seen is None:
         return Normal(gram, shots.residuals - CHANNELS, channels, follow)
     compared = shots.seen[:, shots.lead :].sum(axis=1)
@@ -273,8 +271,7 @@ def beginnings(base: Prepared, shots: Shots) -> Array:
     """
     varied, nodes = _varied(Moved(base, (), np.zeros(0)), ()), Nodes.of(shots)
     errors = np.empty((len(shots.starts), CHANNELS))
-    for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
-        part = slice(begin, begin + SHOTS_TOGETHER)
+    for part in multiple_shooting.parts(len(shots.starts), 1):
         states, columns = _predicted(base, varied, shots, part, 0, nodes)
         error, columns = _residuals(shots, part, states), columns[:, nodes.first :, :, :-1]
         around = nodes.around(error, shots.weights(part))
@@ -386,23 +383,22 @@ def _through_log(
     """
     log, clock = near.base.model.log, np.arange(shots.length) * shots.record.dt
     nu = np.nan_to_num(states[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
-    read = sensor.measured(log, clock, nu) if log.any() else nu
-    place = sensor.logged_position(log, states)
+    at, there, some = clock[nodes.rows], nu[:, nodes.rows], states[:, nodes.rows]
+    read, place = sensor.measured(log, at, there), sensor.logged_position(log, some)
     for i, which in enumerate(logged, done):
-        other = sensor.measured(near.others[which].model.log, clock, nu)
-        away = sensor.logged_position(near.others[which].model.log, states) - place
-        columns[:, :, :3, i], columns[:, :, 3:6, i] = away[:, nodes.rows, :3] / near.shares[which], 0.0
-        columns[:, :, 6:, i] = (other - read)[:, nodes.rows] / near.shares[which]
+        other = near.others[which].model.log
+        away = sensor.logged_position(other, some) - place
+        columns[:, :, :3, i], columns[:, :, 3:6, i] = away[..., :3] / near.shares[which], 0.0
+        columns[:, :, 6:, i] = (sensor.measured(other, at, there) - read) / near.shares[which]
     if log.any():
         unbiased = log.copy()
         unbiased[sensor.BIAS] = 0.0
         if log[sensor.POINT].any():
-            attitude = states[:, nodes.rows, 3:7]
-            columns[:, :, :3, :done] = sensor.logged_shift(log, attitude, columns[..., :done])
+            columns[:, :, :3, :done] = sensor.logged_shift(log, some[..., 3:7], columns[..., :done])
         motion = np.nan_to_num(columns[:, :, 6:, :done]).transpose(0, 3, 1, 2)
-        read_at = sensor.measured(unbiased, clock[nodes.rows], motion)
-        columns[:, :, 6:, :done] = read_at.transpose(0, 2, 3, 1)
-        states[..., :3], states[..., 7:] = place[..., :3], read
+        columns[:, :, 6:, :done] = sensor.measured(unbiased, at, motion).transpose(0, 2, 3, 1)
+        states[..., :3] = sensor.logged_position(log, states)[..., :3]
+        states[..., 7:] = sensor.measured(log, clock, nu)
 
 
 def _again(
