@@ -154,7 +154,13 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
 
     All existing effects of the file are refitted before a search.  Together they can absorb an effect that
     the file lacks.  Then a second search holds them at the file's values, and refits one of them only if that
-    explains most.  The search with the lower penalised cost is returned.
+    explains most.  The search with the lower penalised cost is returned.  A second search that ends with all
+    of these effects refitted has the same model, so the first one is returned.
+
+    Args:
+        search: Search that found nothing.
+        outcome: Outcome of that search.
+        progress: Called with a short text and the share of the work done.
     """
     baseline, refitted = search.baseline, search.baseline.refitted
     if not refitted.unknown.entries or not np.isfinite(baseline.given.normal.cost):
@@ -163,7 +169,9 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
         return search, outcome
     held = Search(replace(baseline, effects=(), refitted=baseline.given))
     other = held.grow(progress)
-    if not other.found or held.wrong(other) or other.model.penalised.sum() > refitted.penalised.sum():
+    if not other.found or held.wrong(other) or set(other.effects) == set(baseline.effects):
+        return search, outcome
+    if other.model.penalised.sum() > refitted.penalised.sum():
         return search, outcome
     return held, other
 

@@ -29,7 +29,7 @@ from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
-from hydro.core.threads import spread
+from hydro.core.threads import available, spread
 from hydro.core.vehicle.frames import body_states, quaternion_product
 from hydro.core.vehicle.thrusters import same_states
 
@@ -39,7 +39,8 @@ WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] above which a prediction counts as diverged."""
 ENDLESS = 1e9
 """Limit of residuals and derivatives of a diverging prediction [standard deviations]; sums remain finite."""
-SHOTS_TOGETHER = 8  # shots per work item, so that derivatives need at most some tens of MB
+SHOTS_TOGETHER, MOST_TOGETHER = 8, 24
+"""Least and greatest number of shots per work item: derivatives need at most some tens of MB."""
 
 
 class Places(NamedTuple):
@@ -84,7 +85,9 @@ class Answers(NamedTuple):
         ahead: Change of the initial internal states per unit of each parameter, (S, states, P).
         own: Initial internal states of the effects that a change adds, (S, all).
         out: Output, filled by `shoot`: deviations of the 12 channels per unit of the initial state and of
-            each parameter, (S, K, 12, 12 + P).
+            each parameter, in every row or in some rows, (S, J, 12, 12 + P).
+        stride: Integration steps after which deviations advance.  If rows have one step each, the output is
+            for every row whose number is a multiple of it, and the last row; otherwise for all K rows.
         wanted: Whether `shoot` computes the responses.
     """
 
@@ -92,6 +95,7 @@ class Answers(NamedTuple):
     ahead: Array
     own: Array
     out: Array
+    stride: int
     wanted: bool
 
     @classmethod
@@ -118,7 +122,7 @@ class Answers(NamedTuple):
         """
         columns = np.empty((len(memory), rows, CHANNELS, CHANNELS + 1))
         ahead, own = np.zeros((*memory.shape, 0)), np.zeros((len(memory), 0))
-        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS], wanted=True)
+        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS], 1, wanted=True)
 
 
 def places_of(shots: Shots, part: slice) -> Places:
@@ -314,6 +318,17 @@ def residuals(
     return shots.calmed(out.reshape(len(out), -1, 1), part).reshape(out.shape)
 
 
+def parts(shots: int, threads: int | None = None) -> list[slice]:
+    """Return slices of a number of shots, one for each work item; few large ones if few threads share them.
+
+    Args:
+        shots: Number of shots.
+        threads: Number of threads; by default, the number of cores.
+    """
+    size = min(max(-(-shots // (threads or available())), SHOTS_TOGETHER), MOST_TOGETHER)
+    return [slice(begin, begin + size) for begin in range(0, shots, size)]
+
+
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
     """Return the sum of squared residuals of each of S shots, (S,), in units of the noise variance.
 
@@ -325,12 +340,12 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
         threads: Number of threads; by default, the number of cores.
     """
 
-    def work(begin: int) -> Array:
-        error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
+    def work(part: slice) -> Array:
+        error = residuals(prepared, shots, None, part)
         squares: Array = np.einsum("mki,mki->m", error, error)
         return squares
 
-    each = np.concatenate(spread(work, range(0, len(shots.starts), SHOTS_TOGETHER), threads))
+    each = np.concatenate(spread(work, parts(len(shots.starts), threads), threads))
     if shots.anchor is not None:
         each += (initial_residuals(prepared.model, shots) ** 2).sum(axis=1)
     each[~(each < ENDLESS**2)] = np.inf
@@ -415,6 +430,12 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         resume(thrusters, course, at, places.resumed[m])
         copy_kernel(initial.rotors[m], thrusters.rotors[2])
         deviations = deviations_of(
-            answers.changes, answers.ahead[m], answers.own[m], answers.out[m], answers.wanted
+            answers.changes,
+            answers.stride,
+            thrusters.table.shape[0],
+            answers.ahead[m],
+            answers.own[m],
+            answers.out[m],
+            answers.wanted,
         )
         march(motion, thrusters, course, at, out[m], None, deviations)

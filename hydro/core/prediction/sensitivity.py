@@ -4,6 +4,10 @@ A shot is a prediction of a few seconds, compared with the recording.  Derivativ
 equation (`simulation.variational_equation`) for parameters that act on forces, and from the prediction itself
 for parameters of the DVL.  Parameters that move the times at which commands take effect are differentiated by
 finite differences of predictions.
+
+Derivatives change little within some hundredths of a second.  Of a fast recording they are computed in some
+rows only, the nodes, and each row counts at its nearest node: its residual times the derivatives there.  So
+the sum over rows needs the mean residual about each node alone.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.compiled import kernel
@@ -20,7 +25,6 @@ from hydro.core.effects.program import STATE_COUNT, THRUSTER_TABLE, changed_effe
 from hydro.core.prediction import multiple_shooting
 from hydro.core.prediction.multiple_shooting import (
     ENDLESS,
-    SHOTS_TOGETHER,
     Answers,
     Prepared,
     places_of,
@@ -32,6 +36,11 @@ from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Ch
 from hydro.core.threads import spread
 from hydro.core.vehicle.thrusters import same_states
 
+INTERVAL = 0.061
+"""Greatest time over which derivatives advance at once [s]: three steps of 20 ms.
+
+Derivatives stay within 1 % of exact ones.  The prediction itself has steps of its own.
+"""
 FARTHEST = 1e3
 """Prior standard deviation of a free initial state, wide in every unit [m, rad, m/s, rad/s]."""
 
@@ -69,6 +78,97 @@ class Varied:
     own: Array
 
 
+@dataclass(frozen=True)
+class Around:
+    """Compared rows about the J nodes of s shots.
+
+    Attributes:
+        begin: Place of the first row of each node among the compared rows, (J,).
+        counted: Mask of the samples, (s, K - lead, 12); None if every value is a sample.
+        root: Root of the number of samples of each node, (s, J, 12).
+    """
+
+    begin: Rows
+    counted: NDArray[np.bool_] | None
+    root: Array
+
+    def gathered(self, each: Array) -> Array:
+        """Return the sum over the samples of each node, divided by the root of their number, (s, J, 12).
+
+        Args:
+            each: Values of the compared rows, (s, K - lead, 12).
+        """
+        if self.counted is not None:
+            each = np.where(self.counted, each, 0.0)
+        if len(self.begin) == each.shape[1]:
+            return each
+        total = np.add.reduceat(each, self.begin, axis=1)
+        return np.asarray(total / np.maximum(self.root, 1.0))
+
+    def scatter(self, each: Array, gathered: Array) -> Array:
+        """Return the sum of squares of samples about the means of their nodes, (s, 12).
+
+        Args:
+            each: Values of the compared rows, (s, K - lead, 12).
+            gathered: Result of `gathered`.
+        """
+        if len(self.begin) == each.shape[1]:
+            return np.zeros((len(each), CHANNELS))
+        if self.counted is not None:
+            each = np.where(self.counted, each, 0.0)
+        squares = np.einsum("skc,skc->sc", each, each)
+        return np.asarray(np.maximum(squares - np.einsum("sjc,sjc->sc", gathered, gathered), 0.0))
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Rows of a shot in which its derivatives are computed, the nodes.
+
+    Attributes:
+        rows: The rows, (all,), the first and the last of the shot among them.
+        stride: Integration steps in one interval of the derivatives.
+        first: Number of the first node that is nearest to a compared row.
+        begin: Place of the first row of each of J nodes from there among the compared rows, (J,).
+    """
+
+    rows: Rows
+    stride: int
+    first: int
+    begin: Rows
+
+    @classmethod
+    def of(cls, shots: Shots) -> Nodes:
+        """Return the nodes of every shot.
+
+        Args:
+            shots: The shots.  In waves every row is a node, since the waves' covariance needs all rows.
+        """
+        steps, dt = shots.steps or multiple_shooting.most_steps(shots), shots.record.dt
+        stride = max(int(INTERVAL * steps / dt), 1)
+        if steps == 1:
+            stride = 1 if shots.swell is not None else stride - (stride + 1) % 2  # odd: a node in the middle
+        rows = np.arange(0, shots.length - 1, stride if steps == 1 else 1)
+        rows = np.append(rows, shots.length - 1)
+        compared = np.arange(shots.lead, shots.length)
+        owner = np.searchsorted(0.5 * (rows[1:] + rows[:-1]), compared)
+        owners, begin = np.unique(owner, return_index=True)
+        return cls(rows, stride, int(owners[0]), begin)
+
+    def around(self, error: Array, counted: NDArray[np.bool_] | None) -> Around:
+        """Return the compared rows about the nodes of s shots.
+
+        Args:
+            error: Residuals, (s, K - lead, 12).
+            counted: Mask of the samples among them; None if all are samples.
+        """
+        if counted is None:
+            sizes = np.diff(np.append(self.begin, error.shape[1]))
+            number = np.broadcast_to(sizes[:, None], (len(error), len(sizes), CHANNELS))
+        else:
+            number = np.add.reduceat(counted, self.begin, axis=1, dtype=float)
+        return Around(self.begin, counted, np.sqrt(number))
+
+
 def linearise(
     base: Prepared,
     moved: Sequence[Prepared],
@@ -104,26 +204,28 @@ def linearise(
     order = np.argsort([*varied.of, *logged, *rest])
     order = np.concatenate([np.arange(CHANNELS), CHANNELS + order, [CHANNELS + count]])
     initial = None if shots.anchor is None else _initial_columns(near, shots)
+    nodes = Nodes.of(shots)
 
-    def work(begin: int) -> None:
-        part = slice(begin, begin + SHOTS_TOGETHER)
-        states, columns = _predicted(base, varied, shots, part, count)
+    def work(part: slice) -> None:
+        states, columns = _predicted(base, varied, shots, part, count, nodes)
         done = CHANNELS + len(varied.of)
-        _through_log(near, logged, shots, states, columns, done)
-        columns = columns[:, shots.lead :]
+        _through_log(near, logged, shots, nodes, states, columns, done)
+        counted = shots.weights(part)
         with np.errstate(over="ignore", invalid="ignore"):
-            columns[..., -1] = _residuals(shots, part, states)
-            _weigh(1.0 / shots.sigma, columns[..., : done + len(logged)], columns[..., -1])
-            _again(near, rest, shots, part, columns[..., done + len(logged) :])
-        if (counted := shots.weights(part)) is not None:
-            columns[~counted] = 0.0
-        flat = columns.reshape(len(states), shots.residuals, CHANNELS + count + 1)
-        lost = ~(np.abs(flat[..., -1]) < ENDLESS).all(axis=1)
+            error = _residuals(shots, part, states)
+            columns, around = columns[:, nodes.first :], nodes.around(error, counted)
+            columns[..., -1] = around.gathered(error)
+            _weigh(1.0 / shots.sigma, around.root, columns[..., : done + len(logged)], columns[..., -1])
+            squares = around.scatter(error, columns[..., -1])
+            _again(near, rest, shots, part, around, error, columns[..., done + len(logged) : -1])
+        flat = columns.reshape(len(states), -1, CHANNELS + count + 1)
+        lost = ~(squares < ENDLESS**2).all(axis=1) | ~(np.abs(flat[..., -1]) < ENDLESS).all(axis=1)
         wild = ~((flat.max(axis=(1, 2)) < ENDLESS) & (flat.min(axis=(1, 2)) > -ENDLESS))
         flat[wild, :, :-1] = 0.0  # close to divergence: no derivative available
-        flat[lost] = 0.0
+        flat[lost], squares[lost] = 0.0, 0.0
         flat = shots.calmed(flat, part)
         whole = np.stack([one.T @ one for one in flat])[:, order[:, None], order]
+        whole[:, -1, -1] += squares.sum(axis=1)
         if counted is not None:
             used[part] = taken(whole, CHANNELS, known[part])
         if initial is not None:
@@ -131,9 +233,9 @@ def linearise(
         gram[part], follow[part] = eliminate(whole, CHANNELS, known[part])
         gram[part][lost, -1, -1] = np.inf
         left = flat[..., -1] - np.einsum("srz,sz->sr", flat[..., :CHANNELS], follow[part][..., -1])
-        channels[part] = (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
+        channels[part] = squares + (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
 
-    spread(work, range(0, pieces, SHOTS_TOGETHER), threads)
+    spread(work, multiple_shooting.parts(pieces, threads), threads)
     if shots.seen is None:
         return Normal(gram, shots.residuals - CHANNELS, channels, follow)
     compared = shots.seen[:, shots.lead :].sum(axis=1)
@@ -169,17 +271,14 @@ def beginnings(base: Prepared, shots: Shots) -> Array:
         base: Compiled vehicle, prepared for the shots.
         shots: The shots.
     """
-    varied = _varied(Moved(base, (), np.zeros(0)), ())
+    varied, nodes = _varied(Moved(base, (), np.zeros(0)), ()), Nodes.of(shots)
     errors = np.empty((len(shots.starts), CHANNELS))
-    for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
-        part = slice(begin, begin + SHOTS_TOGETHER)
-        states, columns = _predicted(base, varied, shots, part, 0)
-        columns = columns[:, shots.lead :]
-        columns[..., -1] = _residuals(shots, part, states)
-        _weigh(1.0 / shots.sigma, columns[..., :-1], columns[..., -1])
-        if (counted := shots.weights(part)) is not None:
-            columns[~counted] = 0.0
-        flat = np.nan_to_num(columns[..., :-1].reshape(len(states), -1, CHANNELS))
+    for part in multiple_shooting.parts(len(shots.starts), 1):
+        states, columns = _predicted(base, varied, shots, part, 0, nodes)
+        error, columns = _residuals(shots, part, states), columns[:, nodes.first :, :, :-1]
+        around = nodes.around(error, shots.weights(part))
+        _weigh(1.0 / shots.sigma, around.root, columns, around.gathered(error))
+        flat = np.nan_to_num(columns.reshape(len(states), -1, CHANNELS))
         information = flat.transpose(0, 2, 1) @ flat + FARTHEST**-2 * np.eye(CHANNELS)
         errors[part] = np.sqrt(np.einsum("sii->si", np.linalg.inv(information)))
     return np.asarray(np.median(errors, axis=0))
@@ -253,13 +352,15 @@ def _thrust_alone(flat: Array, other: Array) -> bool:
     return flat.size == other.size and np.array_equal(flat[:begin], other[:begin])
 
 
-def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
-    """Return predicted states (s, length, 13), and partly filled columns (s, length, 12, 12 + count + 1)."""
+def _predicted(
+    base: Prepared, varied: Varied, shots: Shots, part: slice, count: int, nodes: Nodes
+) -> tuple[Array, Array]:
+    """Return predicted states (s, length, 13), and partly filled columns (s, nodes, 12, 12 + count + 1)."""
     places, known = places_of(shots, part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))
-    columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
+    columns = np.empty((places.starts.size, len(nodes.rows), CHANNELS, CHANNELS + count + 1))
     ahead, own = np.ascontiguousarray(varied.ahead[part]), np.ascontiguousarray(varied.own[part])
-    answers = Answers(varied.changes, ahead, own, columns[..., :known], wanted=True)
+    answers = Answers(varied.changes, ahead, own, columns[..., :known], nodes.stride, wanted=True)
     multiple_shooting.shoot(
         base.model.program.flat, places, base.initial_states(shots.first, part), states, answers
     )
@@ -267,7 +368,7 @@ def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count:
 
 
 def _through_log(
-    near: Moved, logged: Sequence[int], shots: Shots, states: Array, columns: Array, done: int
+    near: Moved, logged: Sequence[int], shots: Shots, nodes: Nodes, states: Array, columns: Array, done: int
 ) -> None:
     """Apply the DVL errors to states and columns, and fill the columns of the DVL's parameters.
 
@@ -277,38 +378,41 @@ def _through_log(
         near: Candidate and its copies with a changed parameter.
         logged: Indices of the parameters of the DVL.
         shots: The shots.
+        nodes: Rows of the columns.
         states: Predicted states, (s, length, 13), changed.
-        columns: Columns, (s, length, 12, 12 + P + 1), changed.
+        columns: Columns, (s, nodes, 12, 12 + P + 1), changed.
         done: Number of columns that are filled already.
     """
     log, clock = near.base.model.log, np.arange(shots.length) * shots.record.dt
     nu = np.nan_to_num(states[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
-    read = sensor.measured(log, clock, nu) if log.any() else nu
-    place = sensor.logged_position(log, states)
+    at, there, some = clock[nodes.rows], nu[:, nodes.rows], states[:, nodes.rows]
+    read, place = sensor.measured(log, at, there), sensor.logged_position(log, some)
     for i, which in enumerate(logged, done):
-        other = sensor.measured(near.others[which].model.log, clock, nu)
-        away = sensor.logged_position(near.others[which].model.log, states) - place
+        other = near.others[which].model.log
+        away = sensor.logged_position(other, some) - place
         columns[:, :, :3, i], columns[:, :, 3:6, i] = away[..., :3] / near.shares[which], 0.0
-        columns[:, :, 6:, i] = (other - read) / near.shares[which]
+        columns[:, :, 6:, i] = (sensor.measured(other, at, there) - read) / near.shares[which]
     if log.any():
         unbiased = log.copy()
         unbiased[sensor.BIAS] = 0.0
         if log[sensor.POINT].any():
-            columns[:, :, :3, :done] = sensor.logged_shift(log, states[..., 3:7], columns[..., :done])
+            columns[:, :, :3, :done] = sensor.logged_shift(log, some[..., 3:7], columns[..., :done])
         motion = np.nan_to_num(columns[:, :, 6:, :done]).transpose(0, 3, 1, 2)
-        columns[:, :, 6:, :done] = sensor.measured(unbiased, clock, motion).transpose(0, 2, 3, 1)
-        states[..., :3], states[..., 7:] = place[..., :3], read
+        columns[:, :, 6:, :done] = sensor.measured(unbiased, at, motion).transpose(0, 2, 3, 1)
+        states[..., :3] = sensor.logged_position(log, states)[..., :3]
+        states[..., 7:] = sensor.measured(log, clock, nu)
 
 
-def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns: Array) -> None:
-    """Fill the columns of the parameters `rest` by differences of residuals, (s, K, 12, R + 1).
+def _again(
+    near: Moved, rest: Sequence[int], shots: Shots, part: slice, around: Around, still: Array, columns: Array
+) -> None:
+    """Fill the columns of the parameters `rest` by differences of residuals, (s, nodes, 12, R).
 
-    The last column holds the residuals of the candidate.
+    `still` holds the residuals of the candidate, (s, K - lead, 12).
     """
-    still = columns[..., -1]
     for i, which in enumerate(rest):
         moved = multiple_shooting.residuals(near.others[which], shots, None, part, calmed=False)
-        columns[..., i] = (still - moved) / near.shares[which]
+        columns[..., i] = around.gathered((still - moved) / near.shares[which])
 
 
 def _residuals(shots: Shots, part: slice, states: Array) -> Array:
@@ -319,7 +423,7 @@ def _residuals(shots: Shots, part: slice, states: Array) -> Array:
 
 
 @kernel
-def _weigh(weight: Array, columns: Array, error: Array) -> None:
+def _weigh(weight: Array, root: Array, columns: Array, error: Array) -> None:
     """Weight columns of changes of the prediction, and turn those of the attitude to its residual.
 
     The attitude's residual e is twice the vector part of q_predicted^* q_measured = (a, e/2); a rotation of
@@ -327,13 +431,17 @@ def _weigh(weight: Array, columns: Array, error: Array) -> None:
 
     Args:
         weight: Weights, (12,).
-        columns: Changes, (S, K, 12, P), overwritten.
-        error: Weighted residuals of `multiple_shooting.deviate`, (S, K, 12).
+        root: Root of the number of samples about each node, (S, J, 12).
+        columns: Changes, (S, J, 12, P), overwritten.
+        error: Sums of weighted residuals of `multiple_shooting.deviate` about each node, divided by `root`,
+            (S, J, 12).
     """
     for m in range(error.shape[0]):
         for k in range(error.shape[1]):
-            x, e = columns[m, k], error[m, k]
-            a, b, c = 0.5 * e[3] / weight[3], 0.5 * e[4] / weight[4], 0.5 * e[5] / weight[5]
+            x, e, n = columns[m, k], error[m, k], root[m, k]
+            a = 0.5 * e[3] / (weight[3] * max(n[3], 1.0))
+            b = 0.5 * e[4] / (weight[4] * max(n[4], 1.0))
+            c = 0.5 * e[5] / (weight[5] * max(n[5], 1.0))
             whole = np.sqrt(max(1.0 - a * a - b * b - c * c, 0.0))
             for i in range(x.shape[1]):
                 p, q, r = x[3, i], x[4, i], x[5, i]
@@ -341,5 +449,6 @@ def _weigh(weight: Array, columns: Array, error: Array) -> None:
                 x[4, i] = whole * q + r * a - p * c
                 x[5, i] = whole * r + p * b - q * a
             for j in range(CHANNELS):
+                factor = weight[j] * n[j]
                 for i in range(x.shape[1]):
-                    x[j, i] *= weight[j]
+                    x[j, i] *= factor

@@ -22,7 +22,15 @@ from hydro.core.effects.layout import TIME
 from hydro.core.effects.program import heed, thrusters_of
 from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
 from hydro.core.simulation.pilot import Pilot, steer
-from hydro.core.simulation.variational_equation import DEVIATION, Deviations, carry
+from hydro.core.simulation.variational_equation import (
+    COUNT,
+    DEVIATION,
+    LEFT,
+    Deviations,
+    begin_step,
+    end_step,
+    keep_middle,
+)
 from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
 
 
@@ -201,8 +209,8 @@ def step(
     copy_kernel(y, trial)
     for stage in range(4):
         rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
-        if deviations is not None and stage == 1 and deviations.carried:
-            carry(flat, s, work, rotors[1], h, deviations)
+        if deviations is not None and stage < 2 and deviations.carried:
+            keep_middle(deviations, s, work, rotors[stage], h, stage)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
         ahead = h if stage == 2 else 0.5 * h
         for i in range(y.size):
@@ -243,12 +251,16 @@ def advance(
     rotors = thrusters.rotors
     for j in range(course.steps):
         now, end = begin + j * length, begin + (j + 1) * length
+        if deviations is not None and deviations.carried:
+            begin_step(deviations, now, length)
         close = 1e-9 * (end - now)
         while now < end - close:
             s[TIME] = now
             until = turn(thrusters, course, now, end, close)
             step(flat, facets, y, s, work, rotors, until - now, deviations)
             now = until
+        if deviations is not None and deviations.carried:
+            end_step(flat, deviations)
 
 
 @separate
@@ -275,19 +287,20 @@ def march(
     Returns:
         Number of rows that stayed finite.
     """
-    y, t, last = motion.y, course.t, out.shape[0] - 1
+    y, t, last, written = motion.y, course.t, out.shape[0] - 1, 0
     for k in range(last + 1):
         copy_kernel(y, out[k])
-        if deviations is not None and deviations.carried:
+        if deviations is not None and deviations.carried and deviations.interval[COUNT] == 0.0:
             for i in range(DEVIATION):
-                copy_kernel(deviations.delta[i], deviations.out[k, i])
+                copy_kernel(deviations.delta[i], deviations.out[written, i])
+            written += 1
         total = 0.0  # not finite if any value is not
         for i in range(y.size):
             total += y[i]
         if not math.isfinite(total):
             out[k + 1 :] = np.nan
             if deviations is not None and deviations.carried:
-                deviations.out[k:] = np.nan
+                deviations.out[max(written - 1, 0) :] = np.nan
             return k
         if pilot is not None:
             motion.s[TIME] = t[at + k]
@@ -297,5 +310,7 @@ def march(
             heed(course.commands[at + k], motion.s)
             now = t[at + k]
             length = course.length if course.length > 0.0 else (t[at + k + 1] - now) / course.steps
+            if deviations is not None and deviations.carried:
+                deviations.interval[LEFT] = course.steps if course.steps > 1 else last - k
             advance(motion, thrusters, course, now, length, deviations)
     return int(last + 1)

@@ -1,9 +1,12 @@
 """Variational equation: responses of a motion to its initial state and to changes of its forces.
 
 Along a predicted motion x(t) of x' = f(x, p), with the state x and the parameters p, small deviations obey
-delta' = J delta + df/dp, J = df/dx.  J is computed once per step for any number of parameters.  df/dp of an
-effect costs only the effect, not a whole vehicle.  So a hundred parameters cost a few predictions instead of
-a hundred (Hairer, Norsett and Wanner 1993, section I.14).
+delta' = J delta + df/dp, J = df/dx.  J is computed once per interval for any number of parameters.  df/dp of
+an effect costs only the effect, not a whole vehicle.  So a hundred parameters cost a few predictions instead
+of a hundred (Hairer, Norsett and Wanner 1993, section I.14).
+
+An interval has one or more steps of the motion, as `Deviations.stride` says.  Deviations need no more than
+1 % accuracy, the motion a millionth, so they are content with longer intervals.
 
 A deviation consists of position in NED, small rotation about body axes, nu, and the internal states of the
 effects: 12 + states values.  `simulation.integrate` integrates deviations together with a motion.
@@ -19,10 +22,14 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array
 from hydro.core.compiled import copy_kernel, jit, kernel, separate
 from hydro.core.effects.layout import (
+    COMMANDS,
     INVERSE_MASS_MATRIX,
+    MOST_COMMANDS,
+    MOTION,
     POSITION,
     RELATIVE_VELOCITY,
     ROTATION,
+    TIME,
     VELOCITY,
 )
 from hydro.core.effects.program import HEADER, THRUSTER_COUNT, THRUSTER_TABLE, relative_to_water, wrench
@@ -41,11 +48,17 @@ Rows = NDArray[np.int64]
 DEVIATION = 12
 """Number of components of a deviation of the body."""
 LITTLE = 1e-3  # step of the state for J [m, rad, m/s, rad/s]
-STIFF = 1.0
-"""Decay of a velocity within a step of length h, h |J_ii|, above which deviations use a method of order 4.
+STIFF = 0.15
+"""Greatest decay h |J_ii| of a velocity or an internal state within a step h of the midpoint rule.
 
-The midpoint rule of order two is unstable above 2, where the method of the motion is still stable.
+An interval with more is divided.  With 0.5, twice as much error of a fast roll stays unexplained, and an
+error of 3 % in a damping is no longer significant in a minute; above 2 the rule is unstable.
 """
+MIDDLE, SPAN, KEPT, COUNT, LEFT = 0, 1, 2, 3, 4
+"""Places in `Deviations.interval`."""
+MOST_PARTS = 100
+"""Most steps of one interval; a vehicle that decays faster diverges in any case."""
+CLOSE = 1e-6  # shares of a step up to which two times count as equal
 FORCES, THRUST, WHOLE = 0, 1, 2
 """Kinds of parameter changes: wrenches of effects, thrusts at equal lag states, or any part of a program."""
 
@@ -80,31 +93,46 @@ class Deviations(NamedTuple):
 
     Attributes:
         changes: The parameters.
-        delta: The derivatives, (12 + states, 12 + P): a column for each initial value and each parameter.
-        own: Internal states of added effects, now and in the middle of a step, and their rates, (3, all).
-        middle: Workspace for derivatives within a step, (2, 12 + states, 12 + P).
-        slope: Workspace for the derivative J of the rates by the state, (12 + states, 12 + states).
-        push: Workspace for the derivative of the rates by the parameters, without the pose, (6 + states, P).
+        stride: Steps of the motion in one interval, after which the deviations advance.
+        interval: Time of the interval's middle [s], its length so far [s], whether the motion in its middle
+            is kept (0 or 1), number of steps so far, and number of steps before the interval must end, (5,).
+        delta: The deviations, (12 + states, 12 + P): a column for each initial value and each parameter.
+        own: Internal states of added effects, now and in the middle of an interval, and their rates,
+            (3, all).
+        s: State of motion in the middle of the interval, in the layout of `core.effects.layout`.
+        y: Integrated state there, and its rates, (2, 13 + states).
+        rotors: Lag states of the n thrusters there, and their mean over the interval, (2, n).
+        commands: Sum of the commands over the interval, times its length [s], (n,).
+        middle: Workspace for deviations within an interval, (12 + states, 12 + P).
+        slope: Workspace for J, (12 + states, 12 + states).
+        push: Workspace for df/dp without its rows of the pose, (6 + states, P).
         changed: Workspace for the rates of a changed state, (13 + states,).
-        gone: Workspace for the wrench of removed effects, (6,).
-        out: Output: derivatives in each of K rows, without internal states, (K, 12, 12 + P).
-        carried: Whether the derivatives are integrated.
+        tau: Workspace for three wrenches, (3, 6).
+        out: Output: deviations at the end of each of K - 1 intervals, and at the beginning, without internal
+            states, (K, 12, 12 + P).
+        carried: Whether the deviations are integrated.
     """
 
     changes: Changes
+    stride: int
+    interval: Array
     delta: Array
     own: Array
+    s: Array
+    y: Array
+    rotors: Array
+    commands: Array
     middle: Array
     slope: Array
     push: Array
     changed: Array
-    gone: Array
+    tau: Array
     out: Array
     carried: bool
 
 
 class Middle(NamedTuple):
-    """Motion in the middle of an integration step.
+    """Motion in the middle of an interval.
 
     Attributes:
         flat: Compiled vehicle (`effects.program`).
@@ -128,15 +156,19 @@ class Middle(NamedTuple):
 
 
 @jit
-def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carried: bool) -> Deviations:
-    """Return the derivatives of a state at the start of a motion, with their workspace.
+def deviations_of(
+    changes: Changes, stride: int, thrusters: int, ahead: Array, own: Array, out: Array, carried: bool
+) -> Deviations:
+    """Return the deviations at the start of a motion, with their workspace.
 
     Args:
         changes: The P parameters.
+        stride: Steps of the motion in one interval.
+        thrusters: Number of thrusters.
         ahead: Initial change of the internal states per unit of each parameter, (states, P).
         own: Initial internal states of the added effects, (all,).
-        out: Output for the derivatives in K rows, (K, 12, 12 + P).
-        carried: Whether the derivatives are integrated.
+        out: Output for the deviations at the ends of K - 1 intervals, (K, 12, 12 + P).
+        carried: Whether the deviations are integrated.
     """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
     delta, every = np.zeros((size, total)), np.zeros((3, own.size))
@@ -145,55 +177,123 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array, carrie
     for i in range(ahead.shape[0]):
         copy_kernel(ahead[i], delta[DEVIATION + i, DEVIATION:])
     copy_kernel(own, every[0])
-    middle, slope, push = (
-        np.zeros((2, size, total)),
+    return Deviations(
+        changes,
+        stride,
+        np.zeros(5),
+        delta,
+        every,
+        np.zeros(MOTION),
+        np.zeros((2, size + 1)),
+        np.zeros((2, thrusters)),
+        np.zeros(thrusters),
+        np.zeros((size, total)),
         np.zeros((size, size)),
         np.zeros((size - 6, total - DEVIATION)),
+        np.zeros(size + 1),
+        np.zeros((3, 6)),
+        out,
+        carried,
     )
-    changed, gone = np.zeros(size + 1), np.zeros(6)
-    return Deviations(changes, delta, every, middle, slope, push, changed, gone, out, carried)
-
-
-@separate
-def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
-    """Advance the derivatives of a state by a step, by the midpoint rule.
-
-    The matrices of the variational equation, derivatives of the rates by state and by parameters, are taken
-    at the middle of the step.  The arguments are the arrays of a motion (`dynamics.Motion`, without facets),
-    in the state in which `integrate.step` has them at the middle of a step.
-
-    Args:
-        flat: Compiled vehicle (`effects.program`).
-        s: State of motion at the middle.
-        work: Workspace of `Motion`: row 2 is the integrated state at the middle, row 0 its rates.
-        rotors: Lag states of the n thrusters at the middle, (n,).
-        h: Step [s].
-        deviations: The derivatives, changed.
-    """
-    delta, middle, slope, push = deviations.delta, deviations.middle, deviations.slope, deviations.push
-    here = Middle(flat, s, rotors, work[2], work[0], work[3, :6], work[3, 6:12], deviations.changed)
-    here.thrust[:] = 0.0
-    propel(flat, s, rotors, here.thrust)
-    _pose_slopes(s, slope)
-    _balance_slopes(here, slope)
-    _pushes(here, h, deviations, push)
-    if _is_stiff(slope, h):
-        _onward(slope, push, 0.25 * h, delta, delta, middle[1])
-        _onward(slope, push, h / 3.0, delta, middle[1], middle[0])
-        _onward(slope, push, 0.5 * h, delta, middle[0], middle[1])
-        _add(slope, push, h, middle[1], delta)
-        return
-    _onward(slope, push, 0.5 * h, delta, delta, middle[0])
-    _add(slope, push, h, middle[0], delta)
 
 
 @kernel
-def _is_stiff(slope: Array, h: float) -> bool:
-    """Return whether a velocity decays too fast within a step h [s] for the midpoint rule."""
+def begin_step(deviations: Deviations, now: float, length: float) -> None:
+    """Begin an interval if the last one has ended.
+
+    Args:
+        deviations: The deviations, changed.
+        now: Time at which a step of the motion begins [s].
+        length: Length of a step [s].
+    """
+    interval = deviations.interval
+    if interval[COUNT] == 0.0:
+        steps = min(float(deviations.stride), interval[LEFT])
+        interval[MIDDLE], interval[SPAN], interval[KEPT] = now + 0.5 * length * steps, 0.0, 0.0
+        deviations.rotors[1] = 0.0
+        deviations.commands[:] = 0.0
+
+
+@separate
+def carry(flat: Array, deviations: Deviations) -> None:
+    """Advance deviations by the interval that ends, by the midpoint rule, with J and df/dp in its middle.
+
+    df/dp of thrusts and of single effects is that of the mean lag states and commands of the interval, since
+    commands may jump within it.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        deviations: The deviations, changed.
+    """
+    delta, slope, push, h = deviations.delta, deviations.slope, deviations.push, deviations.interval[SPAN]
+    y, rates, tau = deviations.y[0], deviations.y[1], deviations.tau
+    here = Middle(flat, deviations.s, deviations.rotors[0], y, rates, tau[0], tau[1], deviations.changed)
+    here.thrust[:] = 0.0
+    propel(flat, here.s, here.rotors, here.thrust)
+    _pose_slopes(here.s, slope)
+    _balance_slopes(here, slope)
+    _pushes_of_programs(here, deviations, push)
+    for i in range(here.rotors.size):
+        deviations.rotors[1, i] /= h
+    for i in range(min(here.rotors.size, MOST_COMMANDS)):
+        here.s[COMMANDS + i] = deviations.commands[i] / h
+    _pushes(here, h, deviations, push)
+    parts = _parts(slope, h)
+    for _ in range(parts):
+        _onward(slope, push, 0.5 * h / parts, delta, delta, deviations.middle)
+        _add(slope, push, h / parts, deviations.middle, delta)
+
+
+@kernel
+def end_step(flat: Array, deviations: Deviations) -> None:
+    """Advance the deviations if an interval ends with a step of the motion.
+
+    Args:
+        flat: Compiled vehicle (`effects.program`).
+        deviations: The deviations, changed.
+    """
+    interval = deviations.interval
+    interval[COUNT] += 1.0
+    interval[LEFT] -= 1.0
+    if interval[COUNT] == deviations.stride or interval[LEFT] == 0.0:
+        carry(flat, deviations)
+        interval[COUNT] = 0.0
+
+
+@kernel
+def keep_middle(deviations: Deviations, s: Array, work: Array, rotors: Array, h: float, stage: int) -> None:
+    """Keep the motion in the middle of the interval, and add up the lag states and commands of a step.
+
+    Args:
+        deviations: The deviations, whose kept motion is changed.
+        s: State of motion at a stage of the integration step.
+        work: Workspace of `dynamics.Motion`: row 2 is the integrated state at the stage, row 0 its rates.
+        rotors: Lag states of the n thrusters at the stage, (n,).
+        h: Step [s].
+        stage: Stage of the method of the motion: 0 at the beginning of the step, 1 in its middle.
+    """
+    interval, total, commands = deviations.interval, deviations.rotors[1], deviations.commands
+    if stage == 1:
+        interval[SPAN] += h
+        for i in range(total.size):
+            total[i] += h * rotors[i]
+        for i in range(min(total.size, MOST_COMMANDS)):
+            commands[i] += h * s[COMMANDS + i]
+    if interval[KEPT] == 0.0 and s[TIME] >= interval[MIDDLE] - CLOSE * h:
+        interval[KEPT] = 1.0
+        copy_kernel(s[:MOTION], deviations.s)
+        copy_kernel(work[2], deviations.y[0])
+        copy_kernel(work[0], deviations.y[1])
+        copy_kernel(rotors, deviations.rotors[0])
+
+
+@kernel
+def _parts(slope: Array, h: float) -> int:
+    """Return the number of steps of an interval h [s] in which no velocity or internal state decays fast."""
     most = 0.0
-    for i in range(6, DEVIATION):
+    for i in range(6, slope.shape[0]):
         most = max(most, abs(slope[i, i]))
-    return h * most > STIFF
+    return 1 + min(int(h * most / STIFF), MOST_PARTS)
 
 
 @kernel
@@ -284,26 +384,42 @@ def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
 
 
 @kernel
-def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None:
-    """Write df/dp, parameter by parameter; internal states of added effects advance by the step h [s]."""
-    flat, s, rotors, y, rates, tau, thrust, changed = here
-    changes, own, gone = deviations.changes, deviations.own, deviations.gone
-    x, lost = y[BODY:], -1
+def _pushes_of_programs(here: Middle, deviations: Deviations, push: Array) -> None:
+    """Write df/dp of the parameters that may change any part of a program."""
+    flat, s, rotors, y, rates, tau, _, changed = here
+    changes = deviations.changes
     for j in range(changes.kinds.size):
-        kind, per_unit, at = changes.kinds[j], 1.0 / changes.shares[j], changes.where[j]
-        program = changes.programs[at[0] : at[1]]
-        changed[:] = 0.0
-        tau[:] = 0.0
-        if kind == WHOLE:
-            relative_to_water(program, s)
-            propel(program, s, rotors, tau)
-            accelerate(program, s, x, changed[BODY:], tau, changed[7:BODY])
-            relative_to_water(flat, s)
-            for i in range(push.shape[0]):
-                push[i, j] = (changed[7 + i] - rates[7 + i]) * per_unit
+        if changes.kinds[j] != WHOLE:
             continue
+        program, per_unit = (
+            changes.programs[changes.where[j, 0] : changes.where[j, 1]],
+            1.0 / changes.shares[j],
+        )
+        tau[:] = 0.0
+        relative_to_water(program, s)
+        propel(program, s, rotors, tau)
+        accelerate(program, s, y[BODY:], changed[BODY:], tau, changed[7:BODY])
+        for i in range(push.shape[0]):
+            push[i, j] = (changed[7 + i] - rates[7 + i]) * per_unit
+    relative_to_water(flat, s)
+
+
+@kernel
+def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None:
+    """Write df/dp of thrusts and effects; internal states of added effects advance by the interval h [s]."""
+    flat, s, _, y, _, tau, thrust, changed = here
+    changes, own, gone, mean = deviations.changes, deviations.own, deviations.tau[2], deviations.rotors[1]
+    x, lost = y[BODY:], -1
+    thrust[:] = 0.0
+    propel(flat, s, mean, thrust)
+    for j in range(changes.kinds.size):
+        kind, at = changes.kinds[j], changes.where[j]
+        if kind == WHOLE:
+            continue
+        program = changes.programs[at[0] : at[1]]
         if kind == THRUST:
-            propel(program, s, rotors, tau)
+            tau[:] = 0.0
+            propel(program, s, mean, tau)
             for i in range(6):
                 tau[i] -= thrust[i]
         else:
@@ -319,7 +435,9 @@ def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None
             else:
                 now, middle, slopes = own[0, begin:end], own[1, begin:end], own[2, begin:end]
                 _remembering(program, s, h, now, middle, slopes, changed[:6], tau)
-        _accelerated(flat, tau, per_unit, push[:, j])
+        for i in range(6):
+            push[i, j] = tau[i] / changes.shares[j]
+    _accelerated(flat, changes.kinds, push)
 
 
 @kernel
@@ -336,14 +454,17 @@ def _remembering(
 
 
 @kernel
-def _accelerated(flat: Array, tau: Array, per_unit: float, out: Array) -> None:
-    """Write the change of nu_dot by a wrench `tau`, per unit of a parameter; no internal state changes."""
-    out[:] = 0.0
-    for i in range(6):
-        row, total = HEADER + INVERSE_MASS_MATRIX + 6 * i, 0.0
-        for k in range(6):
-            total += flat[row + k] * tau[k]
-        out[i] = total * per_unit
+def _accelerated(flat: Array, kinds: Rows, push: Array) -> None:
+    """Replace wrenches in columns of `push` by the changes of nu_dot; no internal state changes."""
+    begin = HEADER + INVERSE_MASS_MATRIX
+    for j in range(kinds.size):
+        if kinds[j] == WHOLE:
+            continue
+        x, y, z, k, m, n = push[0, j], push[1, j], push[2, j], push[3, j], push[4, j], push[5, j]
+        for i in range(6):
+            row = begin + 6 * i
+            linear = flat[row] * x + flat[row + 1] * y + flat[row + 2] * z
+            push[i, j] = linear + flat[row + 3] * k + flat[row + 4] * m + flat[row + 5] * n
 
 
 @kernel

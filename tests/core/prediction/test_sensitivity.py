@@ -56,9 +56,9 @@ def by_differences(base, changed, steps, shots):
 
 @pytest.mark.parametrize("extra", [(), SURROUNDED, LATE], ids=["damped", "surrounded", "late log"])
 def test_derivatives_are_differences_of_predictions(extra):
-    """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike.
+    """Of a hundred columns each within 2.5 % of its size, own entries and all that may be missing alike.
 
-    Those of `ellipsoid_drag` are within 3 %: its force is not linear over a step.
+    Those of `ellipsoid_drag` are within 3.5 %: its force is not linear over a step.
     With DVL errors the initial states are anchored: their logged values change with those errors.
     """
     vehicle = damped(*extra)
@@ -93,7 +93,7 @@ def test_derivatives_are_differences_of_predictions(extra):
     told = {
         f"{name} {i}": round(float(worst[i]), 4)
         for i, name in enumerate(names)
-        if worst[i] > (0.03 if name == "ellipsoid_drag" else 0.02)
+        if worst[i] > (0.035 if name == "ellipsoid_drag" else 0.025)
     }
     assert not told
     assert away[-1, -1] < 1e-3

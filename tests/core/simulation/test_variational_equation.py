@@ -13,7 +13,7 @@ from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import CHANNELS, TRUST, make_shots
-from hydro.core.simulation.variational_equation import DEVIATION, STIFF, _is_stiff
+from hydro.core.simulation.variational_equation import DEVIATION, STIFF, _parts
 
 DT, ROWS = 0.05, 41
 QUICK = {"name": "linear_damping", "diagonal": [0.0, 0.0, 0.0, 1000.0, 0.0, 0.0]}
@@ -21,13 +21,14 @@ QUICK = {"name": "linear_damping", "diagonal": [0.0, 0.0, 0.0, 1000.0, 0.0, 0.0]
 MEMORY = {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]}
 
 
-@pytest.mark.parametrize("velocity", range(6))
-def test_a_quick_decay_of_any_velocity_is_stiff(velocity):
-    slope = -0.9 * STIFF / DT * np.eye(DEVIATION)
+@pytest.mark.parametrize("component", range(7))
+def test_an_interval_with_a_quick_decay_of_any_component_has_several_steps(component):
+    """Six velocities, and an internal state."""
+    slope = -0.9 * STIFF / DT * np.eye(DEVIATION + 1)
     slope[:6] *= 9.0  # a pose does not decay
-    assert not _is_stiff(slope, DT)
-    slope[6 + velocity, 6 + velocity] *= 1.2
-    assert _is_stiff(slope, DT)
+    assert _parts(slope, DT) == 1
+    slope[6 + component, 6 + component] *= 2.4
+    assert _parts(slope, DT) == 3
 
 
 def shot():
