@@ -364,6 +364,8 @@ def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
 def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
     """Describe the changes."""
     lines = []
+    if again := sum(work.log.repeated for work in works):
+        lines.append(f"{again:,} rows repeat the row before with its time and are left out")
     for name, block in sensors_of(meaning).items():
         if lost := sum(work.lost.get(name, 0) for work in works):
             lines.append(f"{name}: {lost:,} samples are not valid by the map and left out")
