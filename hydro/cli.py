@@ -245,7 +245,9 @@ def _usage_message(error: BaseException) -> str | None:
 
 
 def _report(message: str, code: int) -> int:
-    print(f"hydro: {message}", file=sys.stderr)
+    """Print a message on stderr in one line, with control characters escaped; return the exit code."""
+    line = "".join(one if one.isprintable() else repr(one)[1:-1] for one in message)
+    print(f"hydro: {line}", file=sys.stderr)
     return code
 
 
