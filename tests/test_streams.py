@@ -13,6 +13,7 @@ import forked
 import pytest
 from matplotlib.figure import Figure
 
+from hydro import cli
 from hydro.commands import streams
 from hydro.core.errors import DataError
 from hydro.report.figures import save
@@ -77,6 +78,12 @@ def test_an_error_that_is_no_write_is_not_blamed_on_stdout(tmp_path: Path, monke
     gone.rmdir()
     told = streams.failure(OSError(errno.ENOENT, "No such file or directory"))
     assert told == "the working directory has been removed: change to another one and run again"
+
+
+def test_a_message_with_control_characters_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """As of a damaged file: a name from it must not move the cursor or begin another line."""
+    assert cli._report("a.parquet: a \n table with \x1b[31m, \u2028 and é ≥ 5", 1) == 1
+    assert capsys.readouterr().err == "hydro: a.parquet: a \\n table with \\x1b[31m, \\u2028 and é ≥ 5\n"
 
 
 @pytest.mark.parametrize("command", ["--help", "effects", "labels $SAMPLE"])
