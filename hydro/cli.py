@@ -161,7 +161,7 @@ for title, modules in SECTIONS.items():
 def main(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; `arguments` defaults to those of the process."""
     streams.replace_closed()
-    with streams.warnings_in_one_line(), interrupts.noted():
+    with streams.messages_may_be_lost(), streams.warnings_in_one_line(), interrupts.noted():
         return _main(arguments)
 
 

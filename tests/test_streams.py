@@ -91,6 +91,12 @@ def test_a_reader_that_leaves(command: str) -> None:
     assert shell(f"hydro {command} | true; echo ${{PIPESTATUS[0]}}") == ("0\n", "")
 
 
+def test_a_reader_of_messages_that_leaves_ends_no_work(tmp_path: Path) -> None:
+    line = f"hydro import {LOG} --map {LOG.with_name('map.toml')} -o {tmp_path}/raw.parquet"
+    assert shell(f"{line} 2>&1 >/dev/null | true; echo ${{PIPESTATUS[0]}}") == ("0\n", "")
+    assert (tmp_path / "raw.parquet").stat().st_size > 10_000
+
+
 def test_a_figure_that_does_not_fit(tmp_path: Path) -> None:
     path = tmp_path / "figure.png"
     path.write_bytes(b"the one before")
