@@ -219,8 +219,8 @@ def _labelled_sessions(
         for title, piece in zip(_titles(name, len(pieces)), pieces, strict=True):
             cut = _jump(float(t[piece[0]] - t[piece[0] - 1])) if piece[0] else ""
             own, taken = t[piece] - t[piece[0]], rows[members[piece]]
-            again = _repeats(own, taken, columns)
-            yield _Part(title, own[~again], taken[~again], cut, int(again.sum()))
+            repeats = _repeats(own, taken, columns)
+            yield _Part(title, own[~repeats], taken[~repeats], cut, int(repeats.sum()))
 
 
 def _repeats(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Mask:
