@@ -42,8 +42,11 @@ test: $(STAMP)        ## the whole test suite on three workers, for two processo
 mutants: $(STAMP)     ## change 200 operators and constants one at a time and see which no test notices: two hours
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants --workers 2
 
-fuzz: $(STAMP)        ## almost right files of every kind through every command, some five minutes
-	HYDRO_FUZZ=400 $(BIN)/python -m pytest -n 0 -s tests/fuzz tests/io/readers/test_damage.py
+# Each run damages other files; HYDRO_FUZZ_SEED, which is printed, repeats those of the readers.
+fuzz: $(STAMP)        ## almost right files of every kind through every command, some ten minutes
+	@seed=$${HYDRO_FUZZ_SEED:-$$(date +%s)}; echo "HYDRO_FUZZ_SEED=$$seed"; \
+	HYDRO_FUZZ=400 HYDRO_FUZZ_SEED=$$seed HYPOTHESIS_PROFILE=fuzz \
+	$(BIN)/python -m pytest -n 0 -s tests/fuzz tests/io/readers/test_damage.py
 
 kills: $(STAMP)       ## kill every long command at random moments, a hundred times: half an hour
 	$(BIN)/python -m benchmarks.kills

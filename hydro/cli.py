@@ -165,7 +165,7 @@ def main(arguments: list[str] | None = None) -> int:
         arguments: Words after `hydro`; by default those of the process.
     """
     streams.replace_closed()
-    with streams.warnings_in_one_line(), interrupts.noted():
+    with streams.messages_may_be_lost(), streams.warnings_in_one_line(), interrupts.noted():
         return _main(arguments)
 
 
@@ -249,7 +249,9 @@ def _usage_message(error: BaseException) -> str | None:
 
 
 def _report(message: str, code: int) -> int:
-    print(f"hydro: {message}", file=sys.stderr)
+    """Print a message on stderr in one line, with control characters escaped; return the exit code."""
+    line = "".join(one if one.isprintable() else repr(one)[1:-1] for one in message)
+    print(f"hydro: {line}", file=sys.stderr)
     return code
 
 

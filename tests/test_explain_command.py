@@ -396,7 +396,8 @@ def test_bad_input_gives_a_one_line_error(counted, arguments, words, capsys):
     assert counted == []
 
 
-def test_a_too_short_recording_gives_a_one_line_error(counted, capsys):
-    table.write(table.make("raw", recording(3, 4.0), stage="import"), "short.parquet")
+@pytest.mark.parametrize("seconds", [0.1, 0.3, 0.6, 4.0])
+def test_a_too_short_recording_gives_a_one_line_error(counted, seconds, capsys):
+    table.write(table.make("raw", recording(3, seconds), stage="import"), "short.parquet")
     assert cli.main(["explain", str(VEHICLE), "short.parquet", "-o", "study"]) == 1
     assert "short.parquet: no session lasts 5 s" in capsys.readouterr().err

@@ -263,6 +263,26 @@ def test_no_motion_follows_commands_of_stopped_thrusters(
     assert delays == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("command", "told"), [(0.0, "no thruster ran"), (0.4, "no command changes"), (None, "")]
+)
+def test_commands_that_show_nothing_of_the_thrusters_are_told(
+    command: float | None, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    raw = logs.raw(10.0)
+    drives = [name for name in raw.columns if name.startswith("cmd_")]
+    constant = raw.with_columns(pl.lit(command).alias(name) for name in drives if command is not None)
+    log, spec = logs.written(constant, logs.Convention())
+    log.write_csv(tmp_path / "log.csv")
+    (tmp_path / "map.toml").write_text(tomlkit.dumps(spec))
+    code, error = run(
+        capsys, tmp_path / "log.csv", "--map", tmp_path / "map.toml", "-o", tmp_path / "raw.parquet"
+    )
+    assert code == 0
+    notes = [line for line in ("no thruster ran", "no command changes") if f"note: {line}" in error]
+    assert notes == [told] * bool(told)
+
+
 def test_a_wrong_sign_shows_without_a_horizontal_position(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -90,6 +90,13 @@ def test_the_place_is_looked_at_before_the_data(folder: Path, capsys: pytest.Cap
     assert "not a folder: name a folder" in refused(capsys, "demo", "raw.parquet")
 
 
+def test_an_empty_name_is_told_before_the_work(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As an unset variable of a shell leaves it."""
+    told = "hydro: the output has no name: name a file or folder\n"
+    assert refused(capsys, "labels", "missing.parquet", "-o", "") == told
+    assert refused(capsys, "labels", "", "-o", "l.parquet").startswith("hydro: '': no such file")
+
+
 def test_an_input_is_not_written_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("link.parquet").symlink_to("raw.parquet")
     for place in ("raw.parquet", "./raw.parquet", "link.parquet"):

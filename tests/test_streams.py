@@ -13,6 +13,7 @@ import forked
 import pytest
 from matplotlib.figure import Figure
 
+from hydro import cli
 from hydro.commands import streams
 from hydro.core.errors import DataError
 from hydro.report.figures import save
@@ -79,9 +80,21 @@ def test_an_error_that_is_no_write_is_not_blamed_on_stdout(tmp_path: Path, monke
     assert told == "the working directory has been removed: change to another one and run again"
 
 
+def test_a_message_with_control_characters_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """As of a damaged file: a name from it must not move the cursor or begin another line."""
+    assert cli._report("a.parquet: a \n table with \x1b[31m, \u2028 and é ≥ 5", 1) == 1
+    assert capsys.readouterr().err == "hydro: a.parquet: a \\n table with \\x1b[31m, \\u2028 and é ≥ 5\n"
+
+
 @pytest.mark.parametrize("command", ["--help", "effects", "labels $SAMPLE"])
 def test_a_reader_that_leaves(command: str) -> None:
     assert shell(f"hydro {command} | true; echo ${{PIPESTATUS[0]}}") == ("0\n", "")
+
+
+def test_a_reader_of_messages_that_leaves_ends_no_work(tmp_path: Path) -> None:
+    line = f"hydro import {LOG} --map {LOG.with_name('map.toml')} -o {tmp_path}/raw.parquet"
+    assert shell(f"{line} 2>&1 >/dev/null | true; echo ${{PIPESTATUS[0]}}") == ("0\n", "")
+    assert (tmp_path / "raw.parquet").stat().st_size > 10_000
 
 
 def test_a_figure_that_does_not_fit(tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def test_a_mesh_gives_the_size_of_the_hull(
         ([*ROV, *THRUSTERS, "--cg", "1,2"], 1, "--cg: '1,2' is not x,y,z"),
         ([*ROV, *THRUSTERS, "--time-constant", "-1"], 1, "time constant: must be 0 s or more"),
         ([*ROV, *THRUSTERS, "--mesh", "hull.obj"], 2, "--mesh has its own length"),
-        (["--mass", "5", *THRUSTERS, "--mesh", "nothing.obj"], 1, "nothing.obj: cannot read the hull's mesh"),
+        (["--mass", "5", *THRUSTERS, "--mesh", "nothing.obj"], 1, "nothing.obj: no such file or folder"),
     ],
 )
 def test_bad_input_gives_a_one_line_error(

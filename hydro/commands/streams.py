@@ -9,7 +9,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TextIO, cast
 
 from hydro.core.errors import HydroNotice, HydroWarning
 
@@ -30,6 +30,43 @@ def replace_closed() -> None:
     for name, access, mode in _STREAMS:
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.open(os.devnull, access), mode, closefd=False))  # noqa: SIM115
+
+
+class _Lasting:
+    """Text stream whose reader may leave: what is written afterwards is lost, and no error is raised.
+
+    Args:
+        stream: The stream.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except BrokenPipeError:
+            _discard(self._stream)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except BrokenPipeError:
+            _discard(self._stream)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def messages_may_be_lost() -> Iterator[None]:
+    """Continue a command without messages when the reader of stderr leaves, during a `with` block.
+
+    `hydro import LOG -o FILE 2>&1 | head -2` then still writes the file.
+    """
+    with contextlib.redirect_stderr(cast("TextIO", _Lasting(sys.stderr))):
+        yield
 
 
 @contextlib.contextmanager
@@ -71,5 +108,10 @@ def failure(error: OSError) -> str:
 
 def leave() -> None:
     """Discard the unwritten output of stdout, so that its flush at exit does not cause a second error."""
+    _discard(sys.stdout)
+
+
+def _discard(stream: TextIO) -> None:
+    """Connect a stream to the null device, so that its unwritten text is lost without an error."""
     with contextlib.suppress(io.UnsupportedOperation, ValueError):  # a stream of tests has no number
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -31,8 +31,8 @@ class UsageError(HydroError):
 
 
 def shown(text: str) -> str:
-    """Return `text` for an error line: unchanged, or quoted and escaped if a character is not printable."""
-    return text if text.isprintable() else repr(text)
+    """Return a text for an error line: as it is, or quoted if it is empty or a character is not printable."""
+    return text if text and text.isprintable() else repr(text)
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -43,5 +43,5 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 
 
 def in_shell(text: str) -> str:
-    """Return `text` quoted as one word of a shell command, for commands that messages suggest."""
-    return shlex.quote(text) if text.isprintable() else shown(text)
+    """Return a text quoted as one word of a shell command, for a command that an error line suggests."""
+    return shlex.quote(text) if text.isprintable() else repr(text)

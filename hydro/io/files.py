@@ -14,6 +14,7 @@ from typing import BinaryIO
 
 from hydro.core.errors import DataError, UsageError
 from hydro.core.errors import shown as shown  # for those who name places by `name_of`
+from hydro.io import pipe
 
 Source = str | Path | BinaryIO
 
@@ -67,18 +68,26 @@ def read_bytes(source: Source) -> bytes:
     """Return all bytes of a file or stream.
 
     Raises:
-        DataError: The path cannot be read or is a device, or there are no bytes.
+        DataError: The path cannot be read, is a device or is a pipe without a writer, or there are no bytes.
         UsageError: The stream is a terminal.
     """
     name = name_of(source)
     try:
         refuse_device(source)
-        content = Path(source).read_bytes() if isinstance(source, str | Path) else source.read()
+        content = _content(source) if isinstance(source, str | Path) else source.read()
     except OSError as error:
         raise explained(name, error) from error
     if not content:
         raise DataError(f"{name}: empty file: did the command that should have written it fail?")
     return content
+
+
+def _content(path: str | Path) -> bytes:
+    """Return all bytes of a file or of a named pipe."""
+    if not pipe.is_pipe(path):
+        return Path(path).read_bytes()
+    with pipe.opened(path) as stream:
+        return stream.read()
 
 
 def refuse_device(source: Source) -> None:
@@ -107,9 +116,10 @@ def check_file(destination: str | Path) -> None:
     """Check that a file could be written to a path, without writing it.
 
     Raises:
-        DataError: The path is a folder, or its parent folder is missing or not writable.
+        DataError: The path is empty or a folder, or its parent folder is missing or not writable.
     """
     name = os.fspath(destination)
+    _refuse_no_name(name)
     try:
         found = _found(name)
     except OSError as error:
@@ -122,13 +132,20 @@ def check_folder(destination: str | Path) -> None:
     """Check that a folder of results could be made at a path, without making it.
 
     Raises:
-        DataError: The path or a part of it is a file, or the last existing folder is not writable.
+        DataError: The path is empty, a part of it is a file, or the last existing folder is not writable.
     """
     name = os.fspath(destination)
+    _refuse_no_name(name)
     target = Path(os.path.realpath(name))
     if target.exists() and not target.is_dir():
         raise DataError(f"{shown(name)}: a file, not a folder: name a folder")
     _check_writable(name, next(one for one in (target, *target.parents) if one.exists()))
+
+
+def _refuse_no_name(name: str) -> None:
+    """Refuse an empty output path, as an unset variable of a shell leaves it."""
+    if not name:
+        raise DataError("the output has no name: name a file or folder")
 
 
 def _check_writable(name: str, folder: Path) -> None:

@@ -18,6 +18,7 @@ import polars as pl
 
 from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
+from hydro.io import pipe
 from hydro.io.files import Source, explained, name_of, refuse_device, shown
 from hydro.io.logmap import listed
 from hydro.io.readers import collect, registry
@@ -214,8 +215,8 @@ def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]
             if path.is_file() and not path.stat().st_size:
                 raise DataError(f"{name}: empty file: did the command that should have written it fail?")
             if not path.is_file() and not path.is_dir():
-                with path.open("rb") as pipe:
-                    path = _spooled(pipe, Path(folder))
+                with pipe.opened(path) as stream:
+                    path = _spooled(stream, Path(folder))
             reader = registry.reader_of(path, name)
         except OSError as error:
             raise explained(name, error) from error

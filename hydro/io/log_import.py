@@ -9,8 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
+import polars as pl
+import polars.selectors as cs
 
-from hydro.core.columns import MOTION
+from hydro.core.cleaning.readiness import ran
+from hydro.core.columns import COMMAND, MOTION
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 from hydro.core.guessing.aliases import guess
@@ -240,6 +244,22 @@ def _size_lines(imported: Imported) -> Iterator[str]:
         yield f"left out, because no two rows have all columns: {', '.join(imported.left_out)}"
     for name, count in imported.clipped.items():
         yield f"warning: {name} is beyond -1 to 1 in {count:,} rows and clipped: check commands.unit and pwm"
+    yield from _command_lines(frame)
+
+
+def _command_lines(frame: pl.DataFrame) -> Iterator[str]:
+    """Yield a note if the commands of a raw table cannot show what the thrusters do."""
+    commands = frame.select(cs.starts_with(COMMAND)).cast(pl.Float64).to_numpy()
+    if not ran(commands):
+        yield (
+            "note: no thruster ran, so the log shows nothing about thrust: check commands.columns and "
+            "commands.unit if the vehicle was under way"
+        )
+    elif commands.shape[1] and len(commands) > 1 and not np.ptp(commands, axis=0).any():
+        yield (
+            "note: no command changes, so thrust cannot be told from a steady load: check commands.columns "
+            "if the vehicle was steered"
+        )
 
 
 def _verdict_lines(verdict: Verdict) -> Iterator[str]:

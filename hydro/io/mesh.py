@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
-from hydro.io.files import refuse_device
+from hydro.io.files import read_bytes
 
 
 def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -27,11 +27,9 @@ def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         DataError: The file cannot be read, has no faces, or has an invalid line.
     """
     try:
-        refuse_device(path)
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not a text file"
-        raise DataError(f"{path}: cannot read the hull's mesh: {reason}") from None
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: cannot read the hull's mesh: it is not a text file") from None
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for number, line in enumerate(text.splitlines(), start=1):

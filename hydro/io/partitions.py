@@ -160,7 +160,8 @@ def _part(session: str, path: Path, kinds: tuple[str, ...]) -> Part:
         record = provenance.from_json(footer, name) if footer is not None else None
         kind = record.kind if record is not None else schema.fitting(kinds, columns)
         if kind not in kinds:
-            raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(kinds)}: give others")
+            needed = " or ".join(kinds)
+            raise DataError(f"{name}: a {shown(kind)} table, but this needs {needed}: give others")
         schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
         if "session" not in columns:
             raise DataError(f"{name}: a {kind} table has no sessions: give the file, not a folder of them")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hydro.core.errors import DataError
+from hydro.io import pipe
 from hydro.io.files import explained, refuse_device, whole_file
 
 _MARK = b"hydro-sealed/1 sha256:"
@@ -46,6 +47,8 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
     name = os.fspath(path)
     try:
         refuse_device(path)
+        if pipe.is_pipe(path):
+            raise DataError(f"{name}: a pipe, not a file: name a file")
         with open(path, "rb") as stream:
             line = stream.read(_LENGTH)
             if not line.startswith(_MARK) or line != _first_line(stream):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import (
@@ -35,6 +36,25 @@ LEAST_ROWS = 20
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Rows of a table that belong to one session.
+
+    Attributes:
+        name: Name of the session.
+        t: Times since the start of the session [s], (n,).
+        rows: Indices of the rows in the table, (n,).
+        cut: Reason for the preceding cut of the session.
+        repeated: Number of rows that were left out because they repeat the row before.
+    """
+
+    name: str
+    t: Array
+    rows: Rows
+    cut: str
+    repeated: int
+
+
 def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     """Return the sessions of a log in order of start, with the numeric columns that the map names.
 
@@ -56,12 +76,14 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     owned: list[dict[str, Array]] = [{} for _ in parts]
     for key in list(columns):
         values = columns.pop(key)  # so that no column of a long log is held twice for longer than this
-        for own, (_, _, taken, _) in zip(owned, parts, strict=True):
-            own[key] = values[taken]
+        for own, part in zip(owned, parts, strict=True):
+            own[key] = values[part.rows]
     none = {name: said for name in _command_columns(meaning) if (said := unset(log, name)).any()}
-    silent = [{name: said[taken] for name, said in none.items()} for _, _, taken, _ in parts]
-    every = zip(owned, parts, silent, strict=True)
-    return [SessionLog(name, t, own, unset=off, cut=cut) for own, (name, t, _, cut), off in every]
+    silent = [{name: said[part.rows] for name, said in none.items()} for part in parts]
+    return [
+        SessionLog(part.name, part.t, own, unset=off, cut=part.cut, repeated=part.repeated)
+        for own, part, off in zip(owned, parts, silent, strict=True)
+    ]
 
 
 def _topic_sessions(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
@@ -176,8 +198,8 @@ def _labelled_sessions(
     rows: Rows,
     per_second: float,
     columns: Mapping[str, Array],
-) -> Iterator[tuple[str, Array, Rows, str]]:
-    """Yield name, times since start [s], rows and reason for the preceding cut of each session.
+) -> Iterator[_Part]:
+    """Yield the rows of each session.
 
     Args:
         log: The log.
@@ -196,7 +218,30 @@ def _labelled_sessions(
         pieces = np.split(np.arange(len(t)), starts[1:])
         for title, piece in zip(_titles(name, len(pieces)), pieces, strict=True):
             cut = _jump(float(t[piece[0]] - t[piece[0] - 1])) if piece[0] else ""
-            yield title, t[piece] - t[piece[0]], rows[members[piece]], cut
+            own, taken = t[piece] - t[piece[0]], rows[members[piece]]
+            repeats = _repeats(own, taken, columns)
+            yield _Part(title, own[~repeats], taken[~repeats], cut, int(repeats.sum()))
+
+
+def _repeats(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Mask:
+    """Return the rows that repeat the row before with its time (n,), as a recorder that writes twice does.
+
+    There are none if any two rows with one time differ: these are messages of several sensors, or a clock
+    with coarse ticks.
+
+    Args:
+        t: Times of the rows (n,) [s].
+        rows: Indices of the rows (n,) in the columns.
+        columns: Numeric columns by name.
+    """
+    same = np.r_[False, np.diff(t) == 0.0]
+    now, last = rows[same], rows[np.flatnonzero(same) - 1]
+    filled = np.zeros(len(now), bool)
+    for values in columns.values():
+        if not np.array_equal(values[now], values[last], equal_nan=True):
+            return np.zeros(len(t), bool)
+        filled |= np.isfinite(values[now])
+    return same if filled.all() else np.zeros(len(t), bool)
 
 
 def _restarts(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Rows:

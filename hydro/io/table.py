@@ -138,7 +138,8 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     record = provenance.from_json(footer, name) if footer is not None else None
     kind = record.kind if record is not None else schema.fitting(wanted, columns)
     if kind not in wanted:
-        raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
+        needed = " or ".join(wanted)
+        raise DataError(f"{name}: a {shown(kind)} table, but this needs {needed}: give another file")
     schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
     parquet.count(file, memoryview(content), name)
     frame = parquet.decode(file, name)

@@ -304,3 +304,34 @@ def test_rows_of_a_csv_are_counted_from_one(tmp_path):
     assert found.row(1) == "row 2"
     with pytest.raises(DataError, match=r"1 of 3 rows is not \(first: row 2, 'fast'\)"):
         log.numbers(found, "u", "velocity")
+
+
+# Rows that were written twice
+
+
+def test_rows_that_were_written_twice_count_once():
+    whole = logs.raw(1.0).drop("session").with_columns(q=pl.lit(None))
+    twice = pl.concat([whole, whole]).sort("t", maintain_order=True)
+    once, found = parted(whole)[0], parted(twice)[0]
+    np.testing.assert_array_equal(found.t, once.t)
+    for name, values in once.columns.items():
+        np.testing.assert_array_equal(found.columns[name], values)
+    assert (once.repeated, found.repeated) == (0, whole.height)
+
+
+@pytest.mark.parametrize("column", ["u", "cmd_1"])
+def test_rows_with_one_time_that_differ_are_all_kept(column):
+    whole = logs.raw(1.0).drop("session")
+    twice = pl.concat([whole, whole]).sort("t", maintain_order=True)
+    changed = twice.with_columns(
+        pl.when(pl.int_range(pl.len()) == 7).then(0.123).otherwise(column).alias(column)
+    )
+    found = parted(changed)[0]
+    assert (len(found.t), found.repeated) == (2 * whole.height, 0)
+
+
+def test_rows_with_one_time_and_no_value_are_kept():
+    whole = table().with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("u", "v"))
+    empty = whole.with_columns(pl.lit(None, pl.Float64).alias(name) for name in whole.columns if name != "t")
+    found = parted(pl.concat([whole, empty, empty]).sort("t", maintain_order=True))[0]
+    assert (len(found.t), found.repeated) == (15, 0)

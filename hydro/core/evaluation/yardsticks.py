@@ -409,7 +409,12 @@ def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damp
 
 
 def _improves_with_cross_terms(folds: Sequence[Array]) -> bool:
-    """Return whether cross terms lower the squared error of held-out folds, each a `_triangle`."""
+    """Return whether cross terms lower the squared error of held-out folds, each a `_triangle`.
+
+    One fold alone leaves nothing to fit: the answer is then False.
+    """
+    if len(folds) < 2:
+        return False
     lost = np.zeros(2)
     for number, held_out in enumerate(folds):
         rest = np.vstack([*folds[:number], *folds[number + 1 :]])

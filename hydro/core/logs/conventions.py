@@ -87,6 +87,7 @@ class SessionLog:
         unset: Masks of the rows in which the log contains NaN, (n,), by command column; an empty cell does
             not count.
         cut: Reason for the start of the session, if the clock of the log jumped there; else empty.
+        repeated: Number of rows that were left out because they repeat the row before.
     """
 
     name: str
@@ -95,6 +96,7 @@ class SessionLog:
     clocks: Mapping[str, Array] = field(default_factory=dict)
     unset: Mapping[str, Mask] = field(default_factory=dict)
     cut: str = ""
+    repeated: int = 0
 
     def time_of(self, name: str) -> Array:
         """Return the times of a column's rows [s], from its own clock if it has one.

@@ -27,6 +27,7 @@ from hydro.core.logs.logmap import (
     named,
     sensors_of,
 )
+from hydro.core.logs.missing_marks import refuse_marks
 from hydro.core.logs.mounting import DERIVED, derived_rates, mounted_rates, mounted_velocity
 from hydro.core.logs.stops import never, rest, stops
 
@@ -92,8 +93,8 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
         meaning: The map of their columns.
 
     Raises:
-        DataError: A column has two clocks, a topic declared as even is not periodic, or a lever arm has no
-            rates.
+        DataError: A column has two clocks, a topic declared as even is not periodic, a lever arm has no
+            rates, or a sensor's samples contain a mark of missing values.
     """
     _check_shared(meaning)
     works = [_Work(log, _over(log.columns), _over(log.clocks)) for log in logs]
@@ -105,6 +106,8 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
             _gate(work, name, block, names)
             if isinstance(block, Commands):
                 _stop(work, block)
+        if not isinstance(block, Commands):
+            refuse_marks(name, [work.columns for work in works], names)
         if getattr(block, "held", False) is not False:
             _unheld(works, name, names, demanded=block.held is True)  # type: ignore[union-attr]
         for work in works:
@@ -364,6 +367,8 @@ def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
 def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
     """Describe the changes."""
     lines = []
+    if again := sum(work.log.repeated for work in works):
+        lines.append(f"{again:,} rows repeat the row before with its time and are left out")
     for name, block in sensors_of(meaning).items():
         if lost := sum(work.lost.get(name, 0) for work in works):
             lines.append(f"{name}: {lost:,} samples are not valid by the map and left out")

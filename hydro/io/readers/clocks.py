@@ -161,8 +161,9 @@ def _between_jumps(topics: Sequence[Stamps]) -> Iterator[tuple[list[Rows], str]]
     left = sorted(intervals, key=lambda interval: interval[1])
     while left:
         at = left[0][1]
-        group = [each for each in left if each[0] < at]
-        left = [each for each in left if each[0] >= at]
+        # The first jump is in its own group even if the receipt of its messages does not rise.
+        group = [left[0], *(each for each in left[1:] if each[0] < at)]
+        left = [each for each in left[1:] if each[0] >= at]
         own = {number: after for _, _, number, after in reversed(group)}
         for number, each in enumerate(topics):
             there = np.searchsorted(np.maximum.accumulate(each.received), at) if len(each.received) else 0

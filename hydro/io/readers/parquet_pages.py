@@ -97,14 +97,20 @@ def _pages(content: memoryview, column: Any) -> Iterator[_Page]:
             return
         kind = next((field for field in _KINDS if field in header), None)
         about = header[kind] if kind is not None else {}
-        stored, expanded = header.get(_STORED, -1), header.get(_EXPANDED, -1)
+        stored, expanded = _whole(header, _STORED, -1), _whole(header, _EXPANDED, -1)
         if stored < 0 or expanded < 0:
             return
         start += stored
         held = kind is not None and _KINDS[kind] == "values"
-        encoding = about.get(4 if kind == 8 else 2)
+        encoding = _whole(about, 4 if kind == 8 else 2, -1)
         plain = not held or encoding in (_PLAIN, _PLAIN_LENGTHS)
-        yield _Page(expanded, about.get(_COUNT, 0) if held else 0, plain)
+        yield _Page(expanded, _whole(about, _COUNT, 0) if held else 0, plain)
+
+
+def _whole(fields: Any, number: int, missing: int) -> int:
+    """Return a whole number of a Thrift structure; `missing` if a damaged file has another value there."""
+    value = fields.get(number) if isinstance(fields, dict) else None
+    return value if isinstance(value, int) and not isinstance(value, bool) else missing
 
 
 def _struct(content: memoryview, place: int) -> tuple[dict[int, Any], int]:

@@ -48,6 +48,17 @@ def test_an_autopilot_that_restarts_begins_a_session_for_all_topics():
     assert "the clock of a, b begins again 600.00 s after" in found.notes[-1]
 
 
+@pytest.mark.parametrize("back", [0.0, 5.0])
+def test_a_restart_between_messages_whose_receipt_does_not_rise(back):
+    """As in a damaged log, or with a coarse clock of receipt."""
+    stamped = np.r_[600.0 + T[:20], 60.0 + T[:20]]
+    received = 1e9 + np.r_[T[:20], T[19] - back + T[:20]]
+    found = one_clock([Stamps("a", received, stamped), Stamps("b", received, NONE)])
+    assert len(found.begins) == 1
+    assert np.isfinite(np.concatenate(found.times)).all()
+    assert (np.diff(found.times[0][:20]) > 0.0).all()
+
+
 def test_a_restart_soon_after_a_long_run_is_no_overflow_of_microseconds():
     wraps = 2**32 / 1e6
     stamped = np.r_[3000.0 + T[:20], T[:20] + 5.0]
