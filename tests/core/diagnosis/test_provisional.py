@@ -10,7 +10,7 @@ import pytest
 from recordings import damped, moved, noisy
 
 from hydro.core.diagnosis import by_change
-from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose_log
 from hydro.core.diagnosis.provisional import Provisional
@@ -49,11 +49,11 @@ def test_the_best_change_is_reported_after_the_first_fits(monkeypatch):
     )
     first = SimpleNamespace(normal=SimpleNamespace(of=lambda columns: None))
 
-    def contend(compared, last, taken, progress, first_fits):
+    def contend(contest, taken, progress, first_fits):
         first_fits(fits)
         return {}
 
-    monkeypatch.setattr(by_change, "contend", contend)
+    monkeypatch.setattr(Contest, "fits", contend)
     told: list[Provisional] = []
     known = cast(Any, None)
     by_change.ByChange(known, cast(Any, compared), cast(Any, first), 4.0, told=told.append).select(silent)
