@@ -107,7 +107,8 @@ def mirrored(axis: int) -> NDArray[np.bool_]:
         axis: Axis of the wrench, 0 to 5.
 
     Returns:
-        Mask (63,) of the six components of the scaled velocity z, then of their 57 products.
+        Mask (63,): the six components of the scaled velocity z, then the 36 products |z_i| z_j, row by row,
+        then the 21 products z_i z_j with i <= j.
     """
     return np.asarray((parities() == MIRRORS[:, [axis]]).all(axis=0))
 

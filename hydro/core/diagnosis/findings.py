@@ -359,7 +359,11 @@ def no_better(
 
 
 def by_name(suspected: Mapping[str, float]) -> str:
-    """Return the one-line message that unconfirmed effects are not added by default, and how to add one."""
+    """Return the one-line message that unconfirmed effects are not added by default, and how to add one.
+
+    Args:
+        suspected: Confidence of each unconfirmed effect by its name, 0 to 1; NaN if none was stated.
+    """
     named = [
         name if math.isnan(sure) else f"{name} (confidence {sure:.0%})" for name, sure in suspected.items()
     ]

@@ -254,13 +254,16 @@ def answered(
     hull: Hull | None,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Return a diagnosis with its status, and with the held-out errors before and after confirmed findings.
+    """Return a diagnosis completed by its headline in words and, without `hull`, by prediction errors.
+
+    The errors are those on held-out data of the file as given and with the confirmed findings added.
 
     Args:
-        diagnosis: Diagnosis.
+        diagnosis: Diagnosis without both.
         vehicle: Vehicle file, fitted to the earlier recording where `hull` is.
-        log: Recording.
-        hull: Hull-force model from a recording before a change; None without one.
+        log: Recording that was diagnosed.
+        hull: Model of the force on the hull, learnt from a recording before the vehicle changed; None without
+            such a recording.
         progress: Called with a short text and the share of the work done.
     """
     if hull is None and not log.misdirected:

@@ -117,15 +117,17 @@ def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
 
 
 def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-    """Yield one trial shape of `tether` without slack, a linear problem with seven columns.
+    """Yield one `Shape`: tables of `tether` without slack whose forces add up to that of any taut cable.
 
     Without slack the force is k (anchor - position), k the stiffness.  It is linear in k and in k times the
-    anchor's coordinates.  Columns with anchors in the middle of the track and on three sides represent any
-    anchor; three more columns displace the attachment on the body.
+    anchor's coordinates, so a linear fit of seven amounts suffices.  Four tables have the anchor in the
+    middle of the recorded track, and beside it in north, east and down; three displace the attachment on the
+    body along x, y and z.
 
     Args:
-        vehicle: The vehicle.
-        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording.
+        vehicle: The vehicle, which sets the size of stiffness and displacement.
+        reach: Positions [m] and times [s] of the recording, (N, 4); None without a recording, whose track is
+            then the origin.
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])

@@ -86,12 +86,14 @@ class Windows:
         return np.array(starts, np.int64), np.array(segment, np.int64), np.array(lengths, np.int64)
 
     def shots(self, starts: Rows, segment: Rows, length: int) -> Shots:
-        """Return given stretches of the recording as `Shots` (short predictions), with unit noise.
+        """Return the set-up of S short predictions, each beginning at a measured state of the recording.
+
+        The standard deviation of the sensors' noise is 1 in every channel, so that errors keep their units.
 
         Args:
-            starts: First row of each of S stretches, (S,).
-            segment: Number of the segment of each stretch, (S,).
-            length: Number of rows of each stretch.
+            starts: Row of the recording at which each prediction begins, (S,).
+            segment: Number of the gap-free segment of the recording that contains each prediction, (S,).
+            length: Number of rows of each prediction.
         """
         rows = starts[:, None] + np.arange(length)
         return Shots(

@@ -66,10 +66,11 @@ class Varied:
 
     Attributes:
         of: Index of each of the Q parameters among all parameters of the problem, (Q,).
-        changes: Changes of the compiled vehicle, one for each parameter.
+        changes: For each parameter, the numbers of the compiled vehicle that it moves.
         ahead: Change of the initial internal states in each of S shots per unit of each parameter, (S,
             states, Q).
-        own: Initial internal states, in every shot, of effects that a change adds, (S, all).
+        own: Initial internal states of all effects that the vehicle itself lacks and a parameter belongs to,
+            one after the other, in each shot, (S, states of these effects).
     """
 
     of: Rows

@@ -23,7 +23,7 @@ AGREES = 0.02
 
 
 class Place(Protocol):
-    """Address of one number in the effects of a vehicle file: effect, parameter and index."""
+    """Address of one number in a vehicle file: name of the effect, name of the parameter, and index."""
 
     @property
     def effect(self) -> str:

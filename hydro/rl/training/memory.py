@@ -25,9 +25,11 @@ Packed = dict[str, Any]
 
 
 def pack(transitions: dict[str, Tensor]) -> Packed:
-    """Return columns of transitions (K, ...) packed into bytes of Parquet tables.
+    """Return a dict with the columns of transitions as bytes of Parquet tables; `unpack` restores them.
 
-    An empty dict stays empty.
+    Args:
+        transitions: Tensors of K transitions by column, (K, ...).  If `next.observation` is among them,
+            `observation` must be too: equal rows of both are stored once.  An empty dict gives an empty one.
     """
     if not transitions:
         return {}
