@@ -116,6 +116,18 @@ def test_the_readme_quotes_hidden_effects() -> None:
     assert reference == "true model: 1"
 
 
+def test_the_readme_quotes_the_challenge() -> None:
+    rows = {row["entry"]: row for row in GENERATOR["results"]("challenge")}
+    said = {
+        name: "; ".join(
+            "{} of {}".format(*counts(rows[name][column])) for column in ("named first", "false alarms")
+        )
+        for name in ("hydro", "PySINDy")
+    }
+    _, _, result, baseline = shown("sealed cases of three simulators")
+    assert (result, baseline) == (said["hydro"], f"PySINDy: {said['PySINDy']}")
+
+
 def test_the_readme_quotes_imperfect_hulls() -> None:
     plain = ("`hydro diagnose`", "`hydro diagnose`, other seeds")
     _, _, result, baseline = shown("simulated hulls that no formula fits exactly")
