@@ -63,7 +63,7 @@ class _Lasting:
 def messages_may_be_lost() -> Iterator[None]:
     """Continue a command without messages when the reader of stderr leaves, during a `with` block.
 
-    `hydro import LOG -o FILE 2>&1 | head -2` then still writes the file.
+    `hydro import LOG -o FILE` whose messages go to `head` then still writes the file.
     """
     with contextlib.redirect_stderr(cast("TextIO", _Lasting(sys.stderr))):
         yield
