@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from html import escape
 
 from nicegui import ui
@@ -23,14 +24,13 @@ def show(bench: Bench) -> None:
     session, live = bench.session, begun(bench, "Compare measured and predicted motion")
     if live is None:
         return
-    horizons: dict[float | str, str] = {one: f"{one:g} s" for one in live.horizons}
-    horizons["whole"] = "whole run"
+    horizons: dict[float | None, str] = {one: f"{one:g} s" for one in live.horizons}
+    horizons[None] = "whole run"
     ui.html("<h3>Prediction horizon</h3>", sanitize=False)
-    ui.toggle(
-        horizons,
-        value="whole" if session.horizon is None else session.horizon,
-        on_change=lambda e: bench.set_horizon(None if e.value == "whole" else e.value),
-    ).props("dense no-caps unelevated toggle-color=primary size=12px")
+    with ui.element("div").classes("row"):
+        for horizon, told in horizons.items():
+            chosen = horizon == session.horizon
+            button(bench, told, partial(bench.set_horizon, horizon), look="first" if chosen else "other")
     bench.table = ui.html(errors(bench), sanitize=False)
     ui.html("<h3>Where the vehicle as given fails</h3>", sanitize=False)
     if session.compared is None:

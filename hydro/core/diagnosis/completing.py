@@ -8,10 +8,11 @@ import numpy as np
 
 from hydro.core.diagnosis.baseline import stable_shots, weighed_fit
 from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.model import passive
 from hydro.core.diagnosis.settings import SHOTS
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.built_in import BUILT_IN, LACKING, with_built_in
-from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.catalogue import entries, wholly_known
 from hydro.core.errors import DataError
 from hydro.core.residual.completion import Completion
 from hydro.core.residual.hull import Hull, learnt
@@ -38,7 +39,8 @@ def completed(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Hull:
     try:
         shots = stable_shots(vehicle, log).some(SHOTS)
         model, _, reached = weighed_fit(vehicle, [*own, *further], shots, log)
-        whole = with_built_in(model.vehicle, [name for name in BUILT_IN if name in further])
+        whole = with_built_in(passive(model).vehicle, [name for name in BUILT_IN if name in further])
+        entries(whole)  # values that a vehicle file accepts
         other = learnt(whole, stable_shots(whole, log))
     except (DataError, np.linalg.LinAlgError):
         return hull

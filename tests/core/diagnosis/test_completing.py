@@ -55,7 +55,7 @@ def test_the_hull_force_is_learnt_about_the_fitted_file(hull):
 
 def test_the_thrust_of_a_weak_thruster_is_right_although_the_file_is_far_off(hull):
     file = far()
-    raw = flown(WEAK, seed=40).filter(session="s0")
+    raw = flown(WEAK, seed=40, rows=1000).filter(session="s0")
     (found,) = diagnose_log(file, preprocess(file, raw, hull), hull=hull).findings
     assert (found.verdict, found.effect) == ("missing", "thruster_gain")
     assert found.confidence >= SURE

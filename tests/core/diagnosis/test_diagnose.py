@@ -96,7 +96,7 @@ def test_a_change_counts_as_the_first_unless_further_is_given(known, monkeypatch
         module, "ByChange", SimpleNamespace(of=lambda vehicle, log, hull, further, told: further)
     )
     monkeypatch.setattr(module, "reported", lambda regime, progress: regime)
-    hull = cast(Any, SimpleNamespace())
+    hull = cast(Any, SimpleNamespace(completed=lambda vehicle: vehicle))
     assert diagnose_log(known, log, hull=hull, file=known) is False
     assert diagnose_log(known, log, hull=hull, further=True, file=known) is True
 

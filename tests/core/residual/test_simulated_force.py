@@ -8,7 +8,8 @@ import pytest
 import synthetic
 from recordings import DAMPING, damped, flown, moved
 
-from hydro.core.diagnosis.pipeline import hull_of
+from hydro.core.diagnosis.baseline import stable_shots
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.effects.columns import effect_wrenches
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.forced import ForcedOutputError, displaced_by
@@ -17,6 +18,7 @@ from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.residual import hull as hulls
+from hydro.core.residual.hull import learnt
 from hydro.core.residual.response import Transitions
 
 
@@ -79,6 +81,6 @@ def test_the_force_is_simulated_where_the_first_order_fails_and_held_out_data_ag
     )
     sticky = msgspec.structs.replace(damped(), effect=tuple(effects))
     monkeypatch.setattr(hulls, "RIGHT", 1.3)
-    simulated = hull_of(sticky, flown(seed=10))
+    simulated = learnt(sticky, stable_shots(sticky, preprocess(sticky, flown(seed=10))))
     assert simulated.simulated
     assert simulated.left < 0.015 * simulated.given  # 0.03 by the response of first order

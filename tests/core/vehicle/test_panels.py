@@ -201,7 +201,8 @@ def test_obj_quads_slashes_comments_and_negative_numbers(tmp_path):
         ("v 0 0 0\nf 1 1\n", "line 2"),
         ("v 0 0 0\nf 1 2 3\n", "line 2"),
         ("v 0 0 0\nf 0 1 1\n", "line 2"),
-        ("", "holds no faces"),
+        ("", "empty file"),
+        ("v 0 0 0\n", "holds no faces"),
     ],
 )
 def test_broken_obj_files_say_where(tmp_path, text, complaint):
@@ -211,7 +212,7 @@ def test_broken_obj_files_say_where(tmp_path, text, complaint):
 
 
 def test_unreadable_obj_files(tmp_path):
-    with pytest.raises(DataError, match="No such file"):
+    with pytest.raises(DataError, match="no such file or folder"):
         read_obj(tmp_path / "absent.obj")
     (tmp_path / "binary.obj").write_bytes(bytes(range(128, 256)))
     with pytest.raises(DataError, match="not a text file"):
