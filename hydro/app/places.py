@@ -89,7 +89,10 @@ class Places:
         return found
 
     def listed(self, endings: Sequence[str]) -> list[Path]:
-        """Return the paths of the files with one of the given endings in or below the folders, sorted."""
+        """Return the paths of the files with one of the given endings in or below the folders, sorted.
+
+        Names that are not valid Unicode are left out.
+        """
         found = list[Path]()
         for folder in self.folders:
             self._list(folder, DEPTH, tuple(endings), found)
@@ -104,6 +107,8 @@ class Places:
         for one in inside:
             if one.name.startswith(".") or one.is_symlink() or len(found) >= MOST_LISTED:
                 continue
+            if not _is_text(one.name):  # the page could not show it
+                continue
             if one.is_dir() and depth > 0 and one.name not in SKIPPED:
                 self._list(one, depth - 1, endings, found)
             elif one.suffix.lower() in endings and one.is_file():
@@ -113,3 +118,12 @@ class Places:
         """Return the error for a path outside the folders."""
         named = ", ".join(map(str, self.folders))
         return DataError(f"{shown(str(path))}: outside {named}; add its folder with --folder")
+
+
+def _is_text(name: str) -> bool:
+    """Return whether a file name is valid Unicode; Python reads other bytes as surrogates."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -119,3 +120,12 @@ def test_a_bad_log_is_refused_in_one_line(places: Places) -> None:
         opening.propose_map([str(broken)], {}, None, lambda words, share: None)
     assert "\n" not in str(caught.value)
     assert "broken.mcap" in str(caught.value)
+
+
+def test_files_whose_names_are_no_text_are_not_listed(tmp_path: Path) -> None:
+    """A name in another encoding, such as Latin-1: no message to the page can contain it."""
+    for name in (b"good.csv", b"gr\xfcn.csv", b"dive\xff/inside.csv"):
+        path = Path(os.fsdecode(bytes(tmp_path) + b"/" + name))
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("t")
+    assert Places.of([tmp_path]).listed((".csv",)) == [tmp_path.resolve() / "good.csv"]
