@@ -25,6 +25,21 @@ PLAIN = LogMap(
     commands=Commands(("cmd_1",)),
 )
 """The map of such a motion with one command, in the conventions of hydro itself."""
+PLAIN_TEXT = """
+[time]
+column = "t"
+[position]
+columns = ["x", "y", "z"]
+[attitude]
+columns = ["phi", "theta", "psi"]
+[velocity]
+columns = ["u", "v", "w"]
+[rates]
+columns = ["p", "q", "r"]
+[commands]
+columns = ["cmd_1", "cmd_2"]
+"""
+"""A map of a motion with two commands, in the conventions of hydro itself, as a file has it."""
 ORDINARY = np.repeat([0.02, 0.001, 0.01, 0.002], 3)  # m, rad, m/s, rad/s
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from html import escape
 
 from nicegui import ui
@@ -29,7 +30,7 @@ def show(bench: Bench) -> None:
     with ui.element("div").classes("row"):
         button(bench, "Fit the ticked", bench.fit, look="first").set_enabled(not bench.busy)
         if session.diagnosed:
-            add = button(bench, "Add the best finding", lambda: bench.add("best"))
+            add = button(bench, "Add the best finding", partial(bench.add, "best"))
             add.set_enabled(not session.over and not bench.busy)
     if bench.problem:
         ui.html(f"<div class='said warning'>{escape(bench.problem)}</div>", sanitize=False)

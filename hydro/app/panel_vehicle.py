@@ -14,14 +14,8 @@ OWN = "own positions"
 """Choice of thrusters that are given one by one."""
 NAME = "my-vehicle.toml"
 """Name of the file that the page offers."""
-FIELDS = (
-    ("mass", "dry mass [kg]"),
-    ("length", "length [m]"),
-    ("width", "width [m]"),
-    ("height", "height [m]"),
-    ("thrust", "maximum thrust [N]"),
-)
-"""Fields of the form with their labels."""
+FIELDS = ("dry mass [kg]", "length [m]", "width [m]", "height [m]", "maximum thrust [N]")
+"""Labels of the form's fields."""
 
 
 def show(bench: Bench) -> None:
@@ -43,7 +37,7 @@ def show(bench: Bench) -> None:
             ui.input(label, value=values[number] if number < len(values) else "").props(
                 "dense outlined inputmode=decimal"
             )
-            for number, (key, label) in enumerate(FIELDS)
+            for number, label in enumerate(FIELDS)
         ]
     layouts = [*own_vehicle.layouts_with(count), OWN]
     layout = ui.select(layouts, value=layouts[-2], label="thrusters").props("dense outlined options-dense")

@@ -16,20 +16,7 @@ from hydro.core.guessing.aliases import guess
 from hydro.io import log, logmap, mapdraft
 from hydro.io.sessions import sessions
 
-MAP = """
-[time]
-column = "t"
-[position]
-columns = ["x", "y", "z"]
-[attitude]
-columns = ["phi", "theta", "psi"]
-[velocity]
-columns = ["u", "v", "w"]
-[rates]
-columns = ["p", "q", "r"]
-[commands]
-columns = ["cmd_1", "cmd_2"]
-"""
+MAP = logs.PLAIN_TEXT
 
 
 def table(rows: int = 5) -> pl.DataFrame:

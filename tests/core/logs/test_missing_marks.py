@@ -14,29 +14,13 @@ from hydro.core.logs.missing_marks import refuse_marks
 from hydro.io import log, logmap
 from hydro.io.sessions import sessions
 
-MAP = """
-[time]
-column = "t"
-[position]
-columns = ["x", "y", "z"]
-[attitude]
-columns = ["phi", "theta", "psi"]
-[velocity]
-columns = ["u", "v", "w"]
-%s
-[rates]
-columns = ["p", "q", "r"]
-[commands]
-columns = ["cmd_1", "cmd_2"]
-"""
-
 
 def imported(column: str, mark: float, valid: str = ""):
     frame = logs.raw(10.0).drop("session")
     values = frame[column].to_numpy().copy()
     values[20:120:4] = mark
     source = log.read(io.BytesIO(frame.with_columns(**{column: values}).write_csv().encode()))
-    meaning = logmap.parse(MAP % valid)
+    meaning = logmap.parse(logs.PLAIN_TEXT.replace("[rates]", f"{valid}\n[rates]"))
     return raw_table(sessions(source, meaning), meaning)
 
 
