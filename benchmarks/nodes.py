@@ -48,7 +48,7 @@ class Nodes:
         line = [sys.executable, "-c", BOUND, "start", *options, f"--node-ip-address={node}"]
         line += ["--num-cpus=1", "--object-store-memory=80000000", "--disable-usage-stats", "--block"]
         quiet = {"RAY_USAGE_STATS_ENABLED": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        quiet |= {"RAY_worker_niceness": "0"}  # by default 15: beside other tests they would hardly run
+        quiet |= {"RAY_worker_niceness": "0"}  # by default 15: they would hardly run while other tests do
         paths = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
         environment = os.environ | quiet | {"PYTHONPATH": paths}
         self.nodes[node] = subprocess.Popen(

@@ -93,7 +93,7 @@ class ThrusterAudit:
         return self.plain <= 1.0 - SURE
 
     def columns(self) -> tuple[str, ...]:
-        """Return the sorted names of the command columns that `wiring` or an alternative assigns anew."""
+        """Return sorted names of command columns that `wiring` or an alternative exchanges or reverses."""
         every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
         return tuple(sorted({name for wiring in every for name in wiring.columns()}))
 
