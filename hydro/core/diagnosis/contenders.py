@@ -19,6 +19,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
+from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ABSORBED,
@@ -29,6 +30,7 @@ from hydro.core.diagnosis.settings import (
     NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
+    SIMILAR,
     SUSPECT_SPREAD,
     VISIBLE,
 )
@@ -251,7 +253,7 @@ class Contest:
             first_fits(fits)
         if _least(fits) > right:
             others = {name: scored for name, scored in ranked.items() if name not in always}
-            for number, table in enumerate(self._at_finer_places(others), len(always)):
+            for number, table in enumerate(self._similar(others, ranked), len(always)):
                 if _least(fits) <= (FIT * floor if chosen and number >= 2 * CONTENDERS else right):
                     break
                 progress(f"{table['name']} on held-out stretches", min(number / (2 * CONTENDERS), 1.0))
@@ -408,11 +410,18 @@ class Contest:
         there = self.last.vehicle.effects(name)
         return [] if there else shapes(self.last.vehicle, name, reach=self.compared.log.track)
 
-    def _at_finer_places(self, coarse: Mapping[str, Scored]) -> list[Table]:
-        """Return tables of effects at their best shapes, of the coarse or the finer grid, the best first."""
-        finer = self.scored_by_one_step([one for name in coarse for one in self._shapes(name)])
-        best = [max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in coarse.items()]
-        return [table for _, table in sorted(best, key=lambda scored: -scored[0])]
+    def _similar(self, others: Mapping[str, Scored], ranked: Mapping[str, Scored]) -> list[Table]:
+        """Return tables of the effects whose score is similar to the best one, the best first.
+
+        Each effect counts at its best shape, of the coarse or the finer grid.
+        """
+        finer = self.scored_by_one_step([one for name in others for one in self._shapes(name)])
+        best = {
+            name: max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in others.items()
+        }
+        most = max(score for score, _ in ranked.values())
+        similar = [scored for name, scored in best.items() if most_gain(name, scored[0]) >= SIMILAR * most]
+        return [table for _, table in sorted(similar, key=lambda scored: -scored[0])]
 
     def _needed(self, normal: Normal, columns: Sequence[int]) -> list[int]:
         """Return the columns that lower the held-out cost by one step, added one by one, at least one.
