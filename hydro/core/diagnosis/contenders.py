@@ -234,12 +234,15 @@ class Contest:
     ) -> dict[str, Contender]:
         """Fit the candidates that score best after one Gauss-Newton step, and all effects of the current.
 
+        Where none of them is right, candidates of similar score are fitted as well.
+
         Returns:
             Fitted candidates, by effect.
         """
         vehicle, reach = self.last.vehicle, self.compared.log.track
         tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
         ranked = self.scored_by_one_step(tried)
+        most = max((score for score, _ in ranked.values()), default=0.0)
         flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
         always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
         floor = self.compared.floor(self.last)
@@ -253,7 +256,7 @@ class Contest:
             first_fits(fits)
         if _least(fits) > right:
             others = {name: scored for name, scored in ranked.items() if name not in always}
-            for number, table in enumerate(self._similar(others, ranked), len(always)):
+            for number, table in enumerate(self._similar(others, most), len(always)):
                 if _least(fits) <= (FIT * floor if chosen and number >= 2 * CONTENDERS else right):
                     break
                 progress(f"{table['name']} on held-out stretches", min(number / (2 * CONTENDERS), 1.0))
@@ -410,18 +413,15 @@ class Contest:
         there = self.last.vehicle.effects(name)
         return [] if there else shapes(self.last.vehicle, name, reach=self.compared.log.track)
 
-    def _similar(self, others: Mapping[str, Scored], ranked: Mapping[str, Scored]) -> list[Table]:
-        """Return tables of the effects whose score is similar to the best one, the best first.
+    def _similar(self, scored: Mapping[str, Scored], most: float) -> list[Table]:
+        """Return tables of the effects with a score similar to `most`, the best first.
 
         Each effect counts at its best shape, of the coarse or the finer grid.
         """
-        finer = self.scored_by_one_step([one for name in others for one in self._shapes(name)])
-        best = {
-            name: max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in others.items()
-        }
-        most = max(score for score, _ in ranked.values())
-        similar = [scored for name, scored in best.items() if most_gain(name, scored[0]) >= SIMILAR * most]
-        return [table for _, table in sorted(similar, key=lambda scored: -scored[0])]
+        finer = self.scored_by_one_step([one for name in scored for one in self._shapes(name)])
+        best = [(name, *max(one, finer.get(name, one), key=itemgetter(0))) for name, one in scored.items()]
+        similar = [(gain, table) for name, gain, table in best if most_gain(name, gain) >= SIMILAR * most]
+        return [table for _, table in sorted(similar, key=lambda one: -one[0])]
 
     def _needed(self, normal: Normal, columns: Sequence[int]) -> list[int]:
         """Return the columns that lower the held-out cost by one step, added one by one, at least one.

@@ -122,14 +122,21 @@ def test_a_candidate_has_values_that_a_passive_hull_can_have():
     assert passive(still) is still
 
 
-def test_effects_are_ordered_by_their_best_score_on_coarse_and_fine_grids(monkeypatch):
-    """A finer place counts where it promises more than the coarse one."""
-    coarse = {"a": (0.1, {"name": "a"}), "b": (0.5, {"name": "b"}), "c": (0.3, {"name": "c"})}
-    finer = {"a": (0.4, {"name": "a", "fine": True}), "c": (0.2, {"name": "c", "fine": True})}
+def test_candidates_of_similar_score_are_fitted_at_their_best_places(monkeypatch):
+    """A finer place counts where it promises more; a linear effect with less than half of the best score is
+    left out, but a nonlinear one shows only a part of its gain in one step."""
+    tables = {name: {"name": name} for name in ("payload", "net_buoyancy", "linear_damping", "tether")}
+    coarse = {"payload": 0.1, "net_buoyancy": 0.5, "linear_damping": 0.3, "tether": 0.02}
+    finer = {"payload": (0.4, {"name": "payload", "fine": True}), "linear_damping": (0.2, {})}
+    ranked = {name: (score, tables[name]) for name, score in coarse.items()}
     monkeypatch.setattr(Contest, "_shapes", lambda contest, name: [name])
     monkeypatch.setattr(Contest, "scored_by_one_step", lambda contest, tried: finer)
-    found = Contest(cast(Any, None), cast(Any, None))._at_finer_places(coarse)
-    assert found == [{"name": "b"}, {"name": "a", "fine": True}, {"name": "c"}]
+    contest = Contest(cast(Any, None), cast(Any, None))
+    fine = {"name": "payload", "fine": True}
+    everyone = [tables["net_buoyancy"], fine, tables["linear_damping"]]
+    assert contest._similar(ranked, 0.5) == everyone
+    assert contest._similar(ranked, 0.7) == [tables["net_buoyancy"], fine]
+    assert contest._similar(ranked, 0.2) == [*everyone, tables["tether"]]
 
 
 @pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])
