@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from recordings import damped
 
 from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
-from hydro.core.diagnosis.status import status
+from hydro.core.diagnosis.status import Reference, status
 from hydro.report import diagnosis
 from hydro.report.diagnosis import Context
 from hydro.report.following import Call, next_file, pasted, quoted
@@ -47,7 +47,7 @@ def answer(
     whole: bool = False,
 ) -> str:
     vehicle = damped()
-    told = status(findings, vehicle, 0.02)
+    told = status(findings, Reference(vehicle, 0.02))
     log = SimpleNamespace(record=SimpleNamespace(dt=0.02), audit=audit)
     found = Diagnosis(tuple(findings), vehicle, (9.0, 5.0, 1.0), prediction=known, status=told)
     context = Context.of(found, vehicle, cast(Any, log), call)

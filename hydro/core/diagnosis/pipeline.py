@@ -31,7 +31,7 @@ from hydro.core.diagnosis.model import unfitted
 from hydro.core.diagnosis.mounting import with_mounting
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE
-from hydro.core.diagnosis.status import since_earlier, status, with_sentences
+from hydro.core.diagnosis.status import Reference, status, with_sentences
 from hydro.core.preprocessing.sensor_tests import shown as shown_by_kinematics
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
@@ -269,8 +269,7 @@ def answered(
     if hull is None and not log.misdirected:
         diagnosis = predicted(diagnosis, vehicle, log, progress)
     progress("done", 1.0)
-    diagnosis = with_sentences(diagnosis, vehicle, log.record.dt)
+    reference = Reference.of(vehicle, log.record.dt, hull)
+    diagnosis = with_sentences(diagnosis, reference)
     left = None if hull is None else diagnosis.chi2[-1]
-    told = status(diagnosis.findings, vehicle, log.record.dt, left, diagnosis.prediction)
-    whole = replace(diagnosis, status=told)
-    return whole if hull is None or hull.completion is None else since_earlier(whole)
+    return replace(diagnosis, status=status(diagnosis.findings, reference, left, diagnosis.prediction))

@@ -20,7 +20,7 @@ from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.pipeline import Beyond, diagnose_log
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
-from hydro.core.diagnosis.status import status, with_sentences
+from hydro.core.diagnosis.status import Reference, status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
@@ -212,7 +212,8 @@ def next_step(
     )
     if beyond is not None:
         diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
-    diagnosis = with_sentences(diagnosis, plain, log.record.dt)
+    reference = Reference.of(plain, log.record.dt, hull)
+    diagnosis = with_sentences(diagnosis, reference)
     return Step(
         number,
         tried.added,
@@ -223,5 +224,5 @@ def next_step(
         diagnosis.chi2,
         pl.concat(ladder, how="diagonal_relaxed"),
         tried.estimates,
-        status(diagnosis.findings, plain, log.record.dt, None if hull is None else diagnosis.chi2[-1]),
+        status(diagnosis.findings, reference, None if hull is None else diagnosis.chi2[-1]),
     )
