@@ -224,9 +224,9 @@ class Diagnosis:
         estimates: All values that were fitted together, with their covariance; None without such a fit.
         question: Open questions for the next experiment, for `experiment.flight.advise`.
         trace: Regime and its selection, with every fitted candidate; None for a log with a fault.
-        prediction: Held-out errors before and after; None where no session is long enough, or with a
-            hull-force model.
-        status: Overall result, see `diagnosis.status`; None for one step of `explain`.
+        prediction: Held-out errors before and after; None where no session is long enough, with a hull-force
+            model, and for a step of `explain`.
+        status: Overall result, see `diagnosis.status`; None before it is written.
     """
 
     findings: tuple[Finding, ...]
@@ -240,7 +240,7 @@ class Diagnosis:
 
     @property
     def headline(self) -> str:
-        """Status in one line; empty for one step of `explain`."""
+        """Status in one line; empty before it is written."""
         return self.status.headline if self.status else ""
 
     @property

@@ -20,7 +20,6 @@ from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.pipeline import Beyond, diagnose_log
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
-from hydro.core.diagnosis.status import Reference, status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
@@ -198,7 +197,6 @@ def next_step(
     if recordings.holdout is None and hull is None:
         error = recordings.error(recordings.left_out(tried.vehicle, names_of(tried.tables)))
         ladder.append(left_out_rung(ladder[0], error))
-    rest = part(progress, end, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > FAR_FROM_NOISE
     diagnosis = diagnose_log(
         plain,
@@ -207,13 +205,10 @@ def next_step(
         further=number > 0,
         file=file,
         in_vain=in_vain,
-        progress=rest,
+        beyond=beyond,
+        progress=part(progress, end, 1.0),
         provisional=provisional,
     )
-    if beyond is not None:
-        diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
-    reference = Reference.of(plain, log.record.dt, hull)
-    diagnosis = with_sentences(diagnosis, reference)
     return Step(
         number,
         tried.added,
@@ -224,5 +219,5 @@ def next_step(
         diagnosis.chi2,
         pl.concat(ladder, how="diagonal_relaxed"),
         tried.estimates,
-        status(diagnosis.findings, reference, None if hull is None else diagnosis.chi2[-1]),
+        diagnosis.status,
     )
