@@ -18,9 +18,10 @@ import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated, wins
+from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, wins
 from hydro.core.diagnosis.contenders import Compared, Contender, Contest
-from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
+from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.mounting import with_mounting
@@ -412,9 +413,7 @@ def _finding(
         advice=words,
         support=frequency[name],
     )
-    if known and found.confidence < SURE:
-        return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
-    return stated(found)
+    return unconfirmed(found) if found.confidence < SURE else found
 
 
 def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:

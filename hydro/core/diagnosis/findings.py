@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import msgspec
@@ -14,12 +14,8 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core import toml_text
-from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
-from hydro.core.effects.actuator import THRUSTER_GAIN
-from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
-from hydro.core.recording.arrays import HORIZONTAL, Recording
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -62,10 +58,6 @@ HEADLINE, PREDICTION = "headline", "prediction"
 """Keys of an artefact for the headline, and for the held-out errors before and after."""
 WITH_VALUES = (*STATED, "suspect")
 """Verdicts that have values."""
-BY_RATES_ALONE = (
-    "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
-    "velocity or a position, or measure the inertia"
-)
 
 
 @dataclass(frozen=True)
@@ -402,42 +394,3 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
                 f"`hydro fit --effect {name}`"
             )
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"
-
-
-def limited_confidence(
-    confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
-) -> float:
-    """Return the confidence in a name, at most DOUBTFUL where physics excludes the fitted values.
-
-    Args:
-        confidence: Confidence in the name.
-        vehicle: Vehicle with the values.
-        effect: Name of the effect.
-        errors: Standard errors of the values, given where a model fits.  Then values count as excluded only
-            if they lie FAR_FROM_PRIOR half widths from the middle of the plausible range.
-    """
-    beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else FAR_FROM_PRIOR)
-    return min(confidence, DOUBTFUL) if beyond else confidence
-
-
-def doubted_gain(finding: Finding, record: Recording) -> Finding:
-    """Return a finding, as unconfirmed if it is thruster gains and a wrong inertia predicts the same motion.
-
-    A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
-    weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
-    most DOUBTFUL.
-    """
-    doubted = finding.verdict in (*LACKING, "suspect") and finding.effect == THRUSTER_GAIN.name
-    if not doubted or record.shows(HORIZONTAL):
-        return finding
-    sure, words = min(finding.confidence, DOUBTFUL), f"{BY_RATES_ALONE}; {finding.advice}"
-    return replace(finding, verdict="suspect", confidence=sure, advice=words)
-
-
-def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
-    """Return a finding with a warning in its advice about each value outside its physical range."""
-    if not finding.parameters:
-        return finding
-    table = {"name": finding.effect, **finding.parameters}
-    beyond = implausible(msgspec.structs.replace(vehicle, effect=(table,)))
-    return replace(finding, advice="; ".join([finding.advice, *beyond]))

@@ -24,7 +24,8 @@ from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
 from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
 from hydro.core.diagnosis.completing import completed
-from hydro.core.diagnosis.findings import Diagnosis, Finding, doubted_gain
+from hydro.core.diagnosis.doubts import doubted_gain
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import unfitted

@@ -21,6 +21,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
 from hydro.core.diagnosis.confidence import explained_share, folds, left_out_costs
+from hydro.core.diagnosis.doubts import unconfirmed
 from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
@@ -46,7 +47,6 @@ from hydro.core.discovery.terms import Term, library
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
-from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR, moved
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import change_of, deviations, in_file
@@ -273,9 +273,8 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
     amounts_left = f"{left:.3g} instead of {leaves:.3g} times the noise variance"
     words = f"sparse terms without it have a smaller residual, {amounts_left}: see {FORMULA.name}"
     sure = one.confidence * max(left - 1.0, 0.0) / (leaves - 1.0)
-    said = f"{one.advice}; {words}"
-    said = suspecting(one.effect, said) if one.verdict == "missing" else said
-    return replace(one, verdict="suspect", confidence=sure, advice=said)
+    doubted = replace(one, confidence=sure, advice=f"{one.advice}; {words}")
+    return unconfirmed(doubted) if one.verdict == "missing" else doubted
 
 
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
