@@ -200,7 +200,7 @@ class ByChange:
         Mean squared residuals are in units of the floor of the hull model.
         """
         last = self._last(changes)
-        tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
+        tables = [one.table for one in findings if one.parameters]
         chi2 = (self.given, self.given, self.compared.chi2(last))
         return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2)
 

@@ -107,7 +107,7 @@ class ByEvidence:
     def select(self, progress: Progress) -> Named:
         """Return the one change that is named, after the velocity sensor errors that kinematics shows."""
         baseline, errors = self.baseline, list(_sensor_errors(self.baseline, self.outcome))
-        read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
+        read = extended(baseline.vehicle, [one.table for one in errors])
         rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
         there = replace(baseline, vehicle=read, effects=rest)
         return replace(by_transfer(there, part(progress, 0.4, 0.9)), sensor_errors=tuple(errors))

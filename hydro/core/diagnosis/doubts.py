@@ -73,8 +73,7 @@ def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
     """Return a finding with a warning in its advice about each value outside its physical range."""
     if not finding.parameters:
         return finding
-    table = {"name": finding.effect, **finding.parameters}
-    beyond = implausible(msgspec.structs.replace(vehicle, effect=(table,)))
+    beyond = implausible(msgspec.structs.replace(vehicle, effect=(finding.table,)))
     return replace(finding, advice="; ".join([finding.advice, *beyond]))
 
 

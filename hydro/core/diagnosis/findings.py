@@ -124,6 +124,11 @@ class Finding:
         given = {"members": (effect,), "parameters": values, "standard_errors": errors, **shares, **more}
         return cls(verdict, effect, **given)
 
+    @property
+    def table(self) -> dict[str, Any]:
+        """The `[[effect]]` table of the fitted values, without standard errors."""
+        return {"name": self.effect, **self.parameters}
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -286,6 +291,39 @@ def _value(value: Any) -> str:
     return repr(float(value))
 
 
+def of_table(diagnosis: pl.DataFrame) -> list[Finding]:
+    """Return the rows of a diagnosis table as findings, in the order of their rank.
+
+    Shares and p-values are left out.
+
+    Raises:
+        DataError: Values are not inline TOML.
+    """
+    return [
+        Finding(
+            row["verdict"],
+            row["effect"],
+            tuple(row["members"]),
+            confidence=math.nan if row["confidence"] is None else row["confidence"],
+            parameters=_numbers(row, "parameters"),
+            standard_errors=_numbers(row, "standard_errors"),
+            advice=row["advice"],
+        )
+        for row in diagnosis.sort("rank").iter_rows(named=True)
+    ]
+
+
+def _numbers(row: Mapping[str, Any], column: str) -> dict[str, Any]:
+    """Return the values or standard errors in a row of a diagnosis table; empty without any."""
+    try:
+        found: dict[str, Any] = toml_text.value(row[column] or "{}")
+    except DataError as error:
+        raise DataError(
+            f"the values of {row['effect']} are not inline TOML ({error}); run `hydro diagnose` again"
+        ) from error
+    return found
+
+
 def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> list[dict[str, Any]]:
     """Return the `[[effect]]` tables of a diagnosis' findings, the largest share first.
 
@@ -299,8 +337,7 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
     Raises:
         DataError: The diagnosis has nothing to add, only unconfirmed effects, or not the requested finding.
     """
-    rows = diagnosis.sort("rank").filter(pl.col("verdict").is_in(WITH_VALUES) & (pl.col("parameters") != ""))
-    found = {row["effect"]: row for row in rows.iter_rows(named=True)}
+    found = {one.effect: one for one in of_table(diagnosis) if one.verdict in WITH_VALUES and one.parameters}
     if not found:
         raise DataError("the diagnosis found nothing to add; see its advice with `hydro show`")
     suspected = suspects(diagnosis)
@@ -309,15 +346,14 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
         raise DataError(by_name(suspected))
     for name in wanted:
         if name not in found:
-            raise DataError(_refusal(name, rows, list(found)))
-    return [_table(found[name]) for name in dict.fromkeys(wanted)]
+            raise DataError(_refusal(name, found))
+    chosen = [found[name] for name in dict.fromkeys(wanted)]
+    return [one.table | {"standard_error": one.standard_errors} for one in chosen]
 
 
 def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
     """Return the confidence in each unconfirmed effect of a diagnosis table, by name; NaN if not known."""
-    rows = diagnosis.sort("rank").filter(verdict="suspect")
-    pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
-    return dict(pairs)
+    return {one.effect: one.confidence for one in of_table(diagnosis) if one.verdict == "suspect"}
 
 
 def no_better(
@@ -373,24 +409,12 @@ def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
     return msgspec.structs.replace(vehicle, effect=tuple(every))
 
 
-def _table(row: dict[str, Any]) -> dict[str, Any]:
-    """Return one row of a diagnosis table as an `[[effect]]` table."""
-    try:
-        values: dict[str, Any] = toml_text.value(row["parameters"])
-        errors: dict[str, Any] = toml_text.value(row["standard_errors"] or "{}")
-    except DataError as error:
-        raise DataError(
-            f"the values of {row['effect']} are not inline TOML ({error}); run `hydro diagnose` again"
-        ) from error
-    return {"name": row["effect"]} | values | {"standard_error": errors}
-
-
-def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
-    """Return the reason why an effect cannot be added."""
-    for row in rows.iter_rows(named=True):
-        if name in row["members"]:
+def _refusal(name: str, found: Mapping[str, Finding]) -> str:
+    """Return the reason why an effect that is none of the findings with values cannot be added."""
+    for one in found.values():
+        if name in one.members:
             return (
-                f"{name} is tied with {row['effect']}, whose values the diagnosis holds; for its own, use "
+                f"{name} is tied with {one.effect}, whose values the diagnosis holds; for its own, use "
                 f"`hydro fit --effect {name}`"
             )
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"

@@ -239,7 +239,7 @@ def discovered(
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
-    equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
+    equipped = extended(vehicle, [one.table for one in kept])
     found = discover(equipped, log, progress or silent)
     if found is None:
         return diagnosis

@@ -138,9 +138,9 @@ def over(steps: Sequence[Step]) -> str:
             f"step {last.number} predicts {data} worse than step {last.number - 1}, which is the one to use"
         )
     if not (options(last) or is_open(last)):
-        known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
-        words = words if known else "no effect of the catalogue explains the remaining error"
+        if any(one.verdict in UNEXPLAINED for one in last.findings):
+            words = "no effect of the catalogue explains the remaining error"
         return _with_suspects(words, last)
     return f"{MOST_STEPS} steps are the limit" if last.number >= MOST_STEPS else ""
 

@@ -7,9 +7,6 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-import polars as pl
-
-from hydro.core import toml_text
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
 from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import Reference, status
@@ -34,8 +31,8 @@ def retuned(first: Step) -> list[str]:
     """
     if of_change(first):
         return []
-    sure = pl.col("confidence").fill_null(1.0) >= SURE
-    return first.diagnosis.filter(sure, verdict="retune").sort("rank")["effect"].to_list()
+    retuned = [one for one in first.findings if one.verdict == "retune"]
+    return [one.effect for one in retuned if not one.confidence < SURE]  # also without a confidence
 
 
 def study_status(steps: Sequence[Step], chosen: Step, dt: float, hull: Hull | None = None) -> Status:
@@ -50,10 +47,10 @@ def study_status(steps: Sequence[Step], chosen: Step, dt: float, hull: Hull | No
     file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
     reference = Reference.of(file, dt, hull)
     left = chosen.chi2[-1] if of_change(chosen) else None
-    rest = [one for one in findings(chosen.diagnosis) if one.verdict in (*UNEXPLAINED, "log_fault")]
+    rest = [one for one in chosen.findings if one.verdict in (*UNEXPLAINED, "log_fault")]
     if not tables:
-        unproven = [_unproven(one) for one in findings(chosen.diagnosis)] if len(steps) > 1 else None
-        return status(unproven or findings(chosen.diagnosis), reference, left)
+        unproven = [_unproven(one) for one in chosen.findings] if len(steps) > 1 else None
+        return status(unproven or chosen.findings, reference, left)
     names = _corrected(steps, chosen)
     confirmed = [_finding(tables[name], bool(file.effects(name))) for name, sure in names.items() if sure]
     told = [
@@ -89,25 +86,6 @@ def _corrected(steps: Sequence[Step], chosen: Step) -> dict[str, bool]:
     known = {name: sure for name, sure in added(steps[: chosen.number + 1]).items() if name in there}
     new = {name: True for name in retuned(steps[0]) if name in there and name not in known}
     return dict(sorted((known | new).items(), key=lambda one: not one[1]))
-
-
-def findings(diagnosis: pl.DataFrame) -> list[Finding]:
-    """Return the rows of a diagnosis table as findings, in the order of their rank.
-
-    Shares, p-values and other numbers that a headline does not need are left out.
-    """
-    return [
-        Finding(
-            row["verdict"],
-            row["effect"],
-            tuple(row["members"]),
-            confidence=float("nan") if row["confidence"] is None else row["confidence"],
-            parameters=toml_text.value(row["parameters"] or "{}"),
-            standard_errors=toml_text.value(row["standard_errors"] or "{}"),
-            advice=row["advice"],
-        )
-        for row in diagnosis.sort("rank").iter_rows(named=True)
-    ]
 
 
 def _unproven(one: Finding) -> Finding:
