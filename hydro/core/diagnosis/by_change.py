@@ -32,6 +32,7 @@ from hydro.core.diagnosis.settings import (
     ABSORBED,
     CHANGED,
     DOUBTFUL,
+    FIT,
     FURTHER,
     MATERIAL,
     MOST_FINDINGS,
@@ -280,9 +281,14 @@ class Change:
     def penalty(self, rival: Contender) -> float:
         """Return a rival's penalty for its parameters and for the hull-force error that it absorbs.
 
-        It is in units of the squared residual, as the rival's held-out cost.
+        It is in units of the squared residual, as the rival's held-out cost.  If a rival reaches the floor,
+        each parameter costs a share of at most FIT floors, because the rest of the residual was due to the
+        change.  Otherwise no candidate is right, and a parameter costs a share of the whole residual.
         """
-        return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
+        absorbs, whole = CATALOGUE[rival.effect].identification.absorbs, float(self.whole.sum())
+        right = min(one.left for one in self.rivals.values()) <= RIGHT * self.floor
+        at_stake = min(whole, FIT * self.floor) if right else whole
+        return NEGLIGIBLE * at_stake * len(rival.model.values) + ABSORBED * absorbs * self.floor
 
     def penalised(self, rival: Contender) -> float:
         """Return a rival's held-out cost plus its penalty, by which rivals are ranked."""

@@ -7,7 +7,7 @@ components that remove less than their penalty are dropped.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -21,12 +21,10 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
-    ABSORBED,
     ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
     FIT,
-    NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
     SUSPECT_SPREAD,
@@ -77,24 +75,6 @@ class Contender:
     def left(self) -> float:
         """Held-out squared residual, summed over all shots."""
         return float(self.costs.sum())
-
-    def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
-        """Return the penalty of this effect, in units of squared residual.
-
-        The floor is the squared residual that the hull-force model leaves on held-out data.
-        If a rival reaches the floor, each parameter costs a share of at most FIT floors, because the rest of
-        the residual was due to the change.  Otherwise no candidate is right, and a parameter costs a share of
-        the whole residual.  An effect that absorbs hull-force error costs more.
-
-        Args:
-            rivals: All fitted candidates.
-            whole: Held-out squared residual without a change.
-            floor: Squared residual of the hull model on held-out data.
-        """
-        absorbs = CATALOGUE[self.effect].identification.absorbs
-        right = min(one.left for one in rivals) <= RIGHT * floor
-        at_stake = min(whole, FIT * floor) if right else whole
-        return NEGLIGIBLE * at_stake * len(self.model.values) + ABSORBED * absorbs * floor
 
 
 @dataclass(frozen=True)

@@ -76,21 +76,6 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Found:
-    """Result of a discovery.
-
-    Attributes:
-        findings: The formula, and the effects of the file whose values changed with it.
-        fit: The joint fit of the formula and the file's effects.
-        left: Reduced chi-square after the fit.
-    """
-
-    findings: tuple[Finding, ...]
-    fit: Fit
-    left: float
-
-
-@dataclass(frozen=True)
 class Discovery:
     """Data and prior knowledge for the selection of terms.
 
@@ -140,31 +125,18 @@ class Discovery:
         pulls = [SMALL_STEP * size for size in _sizes(model.vehicle)]
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
         normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
-        count = len(own)
+        count, prior = len(own), self.known(model.unknown)
+        away = np.append(model.values / model.unknown.scales - prior.centre, 0.0)
+        information = np.append(prior.information, self.known.temper * PRIOR**-2)
         first = choice.left + model.normal.freedoms
         scored = []
         for number in _most(normal, count, [term.preferred for term in terms], self.known, model):
-            columns = [*range(count), count + number]
-            after = [self._left(model, normal, columns, fold) for fold in self.folds]
+            both = normal.of([*range(count), count + number])
+            given = away, information, [count], LEAST_INFORMATION
+            after = [left_out_costs(both, fold, *given) for fold in self.folds]
             gain = min(float(np.nansum(a - b)) for a, b in zip(first, after, strict=True))
             scored.append((gain * terms[number].preferred, number))
         return [terms[number] for gain, number in sorted(scored, reverse=True) if gain > 0.0]
-
-    def _left(self, model: Model, normal: Normal, columns: Sequence[int], fold: Rows) -> Array:
-        """Return the held-out squared residual of each shot for a linearised model with more terms, (S,).
-
-        Args:
-            model: Fitted model.
-            normal: Its linearisation, with further terms as columns after its own.
-            columns: Columns in use: all of the model, then those of new terms.
-            fold: Number of the session or regime of each shot, (S,).
-        """
-        prior = self.known(model.unknown)
-        extra = len(columns) - len(model.values)
-        amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * PRIOR**-2)])
-        new = range(len(model.values), len(columns))
-        return left_out_costs(normal.of(columns), fold, amounts, held, new, LEAST_INFORMATION)
 
     def is_open(self, choice: Choice) -> bool:
         """Return whether another term may be added: a formula has at most MOST_STEPS new terms."""
@@ -243,15 +215,16 @@ def discovered(
     found = discover(equipped, log, progress or silent)
     if found is None:
         return diagnosis
-    findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
+    formula, fit = found
+    findings, left, leaves = diagnosis.findings, fit.chi2, diagnosis.chi2[-1]
     if left - 1.0 < NEARLY_EQUAL * (leaves - 1.0):
         findings = tuple(_doubted(one, left, leaves) for one in findings)
-    new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
-    estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
+    new = [one for one in formula if one.effect not in {other.effect for other in findings}]
+    estimates = fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
     whole = replace(diagnosis, findings=(*findings, *new), estimates=estimates)
     if left >= leaves:
         return whole
-    return replace(whole, vehicle=found.fit.vehicle, chi2=(*diagnosis.chi2[:2], left))
+    return replace(whole, vehicle=fit.vehicle, chi2=(*diagnosis.chi2[:2], left))
 
 
 def _force(finding: Finding) -> bool:
@@ -277,12 +250,15 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
     return unconfirmed(doubted) if one.verdict == "missing" else doubted
 
 
-def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
+def discover(
+    vehicle: Vehicle, log: Preprocessed, progress: Progress
+) -> tuple[tuple[Finding, ...], Fit] | None:
     """Search a formula of sparse terms for the force that a vehicle file lacks.
 
     Returns:
-        The formula and its fit; None if the file explains the recording, or no term reduces the error on
-        held-out sessions and regimes.
+        Findings of the formula and of the file's effects whose values changed with it, and their joint fit;
+        None if the file explains the recording, or no term reduces the error on held-out sessions and
+        regimes.
     """
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
@@ -295,8 +271,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
     choice = replace(data, known=known).fitted(choice.model.vehicle, ITERATIONS)
     fit = choice.model.estimated()
-    findings = (_formula(first, choice, fit), *_retuned(vehicle, fit))
-    return Found(findings, fit, choice.model.normal.chi2)
+    return (_formula(first, choice, fit), *_retuned(vehicle, fit)), fit
 
 
 def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
