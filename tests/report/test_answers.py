@@ -262,3 +262,9 @@ def test_a_refused_change_comes_with_the_fit_of_the_earlier_recording():
 def test_a_refused_change_without_files_comes_with_an_expression():
     step = next_steps(Diagnosis((needed_before(),), damped(), (9.0, 5.0, 1.0)).frame())[0]
     assert in_python(step) == "hydro.fit(vehicle, before, ['quadratic_damping', 'payload']).vehicle"
+
+
+def test_the_sentence_of_the_diagnosis_is_shown():
+    """It may compare with the values of an earlier recording, which the report does not know."""
+    told = "A current of 0.25 m/s flows toward 323°, not 0.1 m/s as before."
+    assert told in " ".join(answer([missing("ocean_current", sentence=told)]).split())
