@@ -17,7 +17,6 @@ import numpy as np
 import scipy
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, wins
 from hydro.core.diagnosis.contenders import Compared, Contender, Contest
 from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed
@@ -98,15 +97,14 @@ class ByChange:
         Returns:
             The regime with the compared recording, ready for `select`.
         """
-        compared, first = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
         errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
         back = with_mounting(vehicle, log, errors, lambda one, of: _misfit(one, of, hull), hull)
         if back is not log:
             return cls.of(vehicle, back, hull, further, told)
+        compared, first = Compared.of(vehicle, log, hull)
         given = compared.chi2(first)
         if errors:
-            read = extended(vehicle, [one.table for one in errors])
-            compared, first = Compared.of(log, stable_shots(read, log), hull, read)
+            compared, first = Compared.of(extended(vehicle, [one.table for one in errors]), log, hull)
         return cls(vehicle, compared, first, given, tuple(errors), further, told)
 
     @property
@@ -224,7 +222,7 @@ class ByChange:
 
 def _misfit(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> float:
     """Return the mean squared residual of a vehicle with the hull-force model, in floors."""
-    compared, model = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
+    compared, model = Compared.of(vehicle, log, hull)
     return compared.chi2(model)
 
 
@@ -449,7 +447,7 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
         DataError: The recording is too short, or the predictions diverge.
     """
     file = hull.completed(file)
-    compared, first = Compared.of(log, stable_shots(file, log), hull, file)
+    compared, first = Compared.of(file, log, hull)
     contest = Contest(compared, first)
     model = contest.with_hull_response(contest.fitted_together(changes))
     entries = model.unknown.entries

@@ -339,10 +339,8 @@ def _named(rival: Rival, model: Model, without: Model, fit: Fit, words: str, con
     pieces, table = block_length(model.normal.score), fit.table(rival.effect)
     share = explained_share(without.costs - model.costs, without.excesses, pieces)
     sure = confidence if share[0] > 0.0 else min(confidence, DOUBTFUL)
-    verdict = "retune" if rival.own else "missing"
-    found = Finding.of(
-        verdict, rival.effect, table, share, confidence=sure, advice=words, support=rival.score
-    )
+    told = {"confidence": sure, "advice": words, "support": rival.score}
+    found = Finding.of("missing", rival.effect, table, share, **told)
     return found if sure >= SURE else unconfirmed(found)
 
 

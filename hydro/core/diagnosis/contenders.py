@@ -16,6 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
@@ -96,10 +97,8 @@ class Compared:
     weight: Array = field(default_factory=lambda: np.ones(1))
 
     @classmethod
-    def of(
-        cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
-    ) -> tuple[Compared, Model]:
-        """Prepare the shots after a change for the fits of candidate changes.
+    def of(cls, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> tuple[Compared, Model]:
+        """Cut a recording after a change into shots, and prepare them for the fits of candidate changes.
 
         The shots are corrected for the hull force learnt before the change, so that what remains is due to
         the change.  Their residuals are in units of the floor: the root mean square residual that the hull
@@ -107,16 +106,18 @@ class Compared:
         so get smaller weights (`robust`).
 
         Args:
-            log: Recording after the change.
-            problem: Its shots.
-            hull: Hull-force model learnt from the earlier recording.
             vehicle: Vehicle file.
+            log: Recording after the change.
+            hull: Hull-force model learnt from the earlier recording.
 
         Returns:
             The recording with its weights, whose `problem` has the shots as measured, and the vehicle file
             as a model without free components, on the corrected shots.
+
+        Raises:
+            DataError: The recording is too short, or the vehicle's predictions diverge.
         """
-        problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
+        problem = stable_shots(vehicle, log).weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
         first = unfitted(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first
