@@ -13,7 +13,7 @@ import studies
 import hydro
 from hydro.core.diagnosis.findings import Diagnosis as Found
 from hydro.core.diagnosis.findings import Finding, Prediction, extended
-from hydro.core.diagnosis.status import status
+from hydro.core.diagnosis.status import Reference, status
 from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS
 from hydro.core.identification.outcome import Fit as Outcome
 from hydro.core.prediction.parameters import free
@@ -37,7 +37,7 @@ def diagnosis(
 ) -> hydro.Diagnosis:
     """A current of 0.35 m/s is missing, a gain is suspected, and one effect is not visible."""
     found = Found(tuple(findings), VEHICLE, CHI2, prediction=prediction)
-    found = replace(found, status=status(findings, VEHICLE, DT))
+    found = replace(found, status=status(findings, Reference(VEHICLE, DT)))
     return hydro.Diagnosis.of(found, VEHICLE, conform("diagnosis", found.frame()), changed=False)
 
 

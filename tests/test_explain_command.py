@@ -21,6 +21,7 @@ import hydro
 from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.diagnosis.status import Reference, status
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
@@ -81,13 +82,14 @@ def counted(tmp_path, monkeypatch) -> list[str]:
             COMPARED[key] = true(vehicle, raw, record=record, yardstick=yardstick)
         return COMPARED[key]
 
-    def diagnose(vehicle, log, progress, hull, further, file, in_vain, provisional):
+    def diagnose(vehicle, log, progress, hull, further, file, in_vain, beyond, provisional):
         calls.append("diagnose")
         there = vehicle.effects("ocean_current")
         one = Finding(
             "missing", "ocean_current", ("ocean_current",), 0.8, 0.7, 0.9, 1.0, 5e-4, CURRENT, SPREAD
         )
-        return Diagnosis((Finding("nothing_missing") if there else one,), vehicle, (9.0, 5.0, 1.0))
+        found = (Finding("nothing_missing") if there else one,)
+        return Diagnosis(found, vehicle, (9.0, 5.0, 1.0), status=status(found, Reference(vehicle, 0.02)))
 
     def together(vehicle, recordings, wanted, file, tried):
         calls.append("fit")

@@ -16,6 +16,7 @@ from benchmarks import proof as benchmark
 from hydro import cli
 from hydro.core import effects
 from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.status import Reference, status
 from hydro.core.errors import DataError
 from hydro.core.evaluation.velocity_errors import Squares
 from hydro.core.explanation import explain as loop
@@ -44,7 +45,7 @@ def diagnosed(vehicle: Vehicle, log: object, *_: object, **__: object) -> Diagno
     value, spread = {"dB": 38.0}, {"dB": 1.0}
     there = Finding("missing", "net_buoyancy", ("net_buoyancy",), 0.8, 0.7, 0.9, 1.0, 5e-4, value, spread)
     found = Finding("nothing_missing") if vehicle.effects("net_buoyancy") else there
-    return Diagnosis((found,), vehicle, (9.0, 5.0, 1.0))
+    return Diagnosis((found,), vehicle, (9.0, 5.0, 1.0), status=status((found,), Reference(vehicle, 0.02)))
 
 
 @pytest.fixture(scope="module")

@@ -106,7 +106,7 @@ def hydro(vehicle: Vehicle, public: Public, held: Held) -> Answered:
     """
     found = diagnose(vehicle, public.log, before=public.before)
     stated = [one for one in found.findings if one.verdict in ADDED and one.parameters]
-    model = extended(vehicle, [{"name": one.effect, **one.parameters} for one in stated])
+    model = extended(vehicle, [one.table for one in stated])
     return [_told(one) for one in found.findings if one.verdict in WITH_VALUES], by_vehicle(model, held)
 
 

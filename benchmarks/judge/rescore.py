@@ -18,7 +18,7 @@ import polars as pl
 
 from benchmarks.judge.rows import KEY
 from benchmarks.judge.scores import Score, score
-from hydro.core.diagnosis import by_change, by_evidence, confidence, contenders, findings, settings, transfer
+from hydro.core.diagnosis import by_change, by_evidence, confidence, contenders, doubts, settings, transfer
 from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.model import penalty
@@ -44,7 +44,7 @@ RIGHT_ABOVE = settings.RIGHT_ABOVE
 """Factor of kept confidences where no model was right; a smaller factor has another cause."""
 ROUNDING = 1e-6
 """Difference of confidences that kept digits cause."""
-MODULES = (settings, by_change, by_evidence, confidence, contenders, findings, transfer)
+MODULES = (settings, by_change, by_evidence, confidence, contenders, doubts, transfer)
 """Modules that read these constants, each under the same name."""
 
 

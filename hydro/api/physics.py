@@ -299,7 +299,8 @@ def explain(
         if on_step is not None:
             on_step(done[-1])
     chosen, dt = best(rungs), sample_time(raw)
-    answer, sentences = study_status(rungs, chosen, dt).headline, corrections(rungs, chosen, dt)
+    answer = study_status(rungs, chosen, dt, hull).headline
+    sentences = corrections(rungs, chosen, dt, hull)
     return Study.of(done, chosen.number, ending(rungs, add), answer, sentences)
 
 

@@ -236,8 +236,10 @@ def save_study(
     log, holdout, before = opened.log, opened.holdout, opened.before
     told: dict[str, Any] = {"add": list(wanted)} if wanted else {}
     told |= {"cleaning": list(log.changes)} if log.changes else {}
+    hull = None
     if holdout is not None or before is not None:
-        told |= _told_beside(opened, _recordings(opened, craft, report))
+        recordings = _recordings(opened, craft, report)
+        told, hull = told | _told_beside(opened, recordings), recordings.hull
     study = Study(
         Path(folder),
         craft.text,
@@ -247,7 +249,7 @@ def save_study(
         told,
     )
     chosen = best(steps)
-    headline = study_status(steps, chosen, log.record.dt).headline
+    headline = study_status(steps, chosen, log.record.dt, hull).headline
     with alone(Path(folder)):
         study.clear([])
         for count in range(1, len(steps) + 1):

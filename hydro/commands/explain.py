@@ -192,7 +192,7 @@ def explain(
             study.save_step(steps)
             _tell(steps)
         dt = recordings.log.record.dt
-        headline = study_status(steps, best(steps), dt).headline
+        headline = study_status(steps, best(steps), dt, hull).headline
         study.end(steps, ending(steps, wanted), headline)
         update(0, 0, "files of the study")
         save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
@@ -204,7 +204,7 @@ def explain(
         headline,
         ending(steps, wanted),
         folder,
-        corrections(steps, best(steps), dt),
+        corrections(steps, best(steps), dt, hull),
     )
     print_lines(answer(outcome, printing.console.width), printing.console)
     if details:

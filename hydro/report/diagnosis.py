@@ -272,12 +272,16 @@ def title(row: Mapping[str, Any], about: Context) -> str:
 def said(row: Mapping[str, Any], about: Context) -> str:
     """Return the sentence on the fitted values of a finding; empty without values.
 
+    If the table has none, the sentence compares the values with those of the vehicle file.
+
     Args:
         row: Row of the diagnosis table.
         about: Other data of the answer.
     """
     if not row["parameters"] or row["effect"] not in CATALOGUE:
         return ""
+    if row.get("sentence"):
+        return str(row["sentence"])
     values, errors = (toml_text.value(row[name] or "{}") for name in ("parameters", "standard_errors"))
     return sentence(about.vehicle, row["effect"], values, errors, about.dt)
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from recordings import damped
 
 from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
-from hydro.core.diagnosis.status import status
+from hydro.core.diagnosis.status import Reference, status
 from hydro.report import diagnosis
 from hydro.report.diagnosis import Context
 from hydro.report.following import Call, next_file, pasted, quoted
@@ -47,7 +47,7 @@ def answer(
     whole: bool = False,
 ) -> str:
     vehicle = damped()
-    told = status(findings, vehicle, 0.02)
+    told = status(findings, Reference(vehicle, 0.02))
     log = SimpleNamespace(record=SimpleNamespace(dt=0.02), audit=audit)
     found = Diagnosis(tuple(findings), vehicle, (9.0, 5.0, 1.0), prediction=known, status=told)
     context = Context.of(found, vehicle, cast(Any, log), call)
@@ -262,3 +262,9 @@ def test_a_refused_change_comes_with_the_fit_of_the_earlier_recording():
 def test_a_refused_change_without_files_comes_with_an_expression():
     step = next_steps(Diagnosis((needed_before(),), damped(), (9.0, 5.0, 1.0)).frame())[0]
     assert in_python(step) == "hydro.fit(vehicle, before, ['quadratic_damping', 'payload']).vehicle"
+
+
+def test_the_sentence_of_the_diagnosis_is_shown():
+    """It may compare with the values of an earlier recording, which the report does not know."""
+    told = "A current of 0.25 m/s flows toward 323°, not 0.1 m/s as before."
+    assert told in " ".join(answer([missing("ocean_current", sentence=told)]).split())

@@ -1,5 +1,23 @@
 """Diagnosis: the physical effect that a vehicle file lacks, with a confidence.
 
+Data pass through these modules, in the order of `pipeline.diagnose_log`:
+
+| step | module | result |
+|---|---|---|
+| clean the log, audit the thrusters | `log_faults`, `mounting` | `Preprocessed` |
+| learn the hull force before a change | `core.residual.hull`, `completing` | `Hull` |
+| cut shots, refit the file | `baseline`, `model` | `Baseline` |
+| choose effects by likelihood | `search`, `by_likelihood` | `Outcome` |
+| or one effect by evidence | `transfer`, `by_evidence` | `Named` |
+| or changes with the hull force held | `contenders`, `by_change` | `Changes` |
+| state confidences and doubts | `confidence`, `doubts`, `closed_loop` | `Finding` |
+| name what remains or is not shown | `unexplained`, `identifiability` | `Finding` |
+| check findings on held-out data | `held_out` | `Prediction` |
+| state the answer in words | `status` | `Status` |
+
+Likelihood, changes and discovery share the loop of `selection`: add the best candidate while it belongs to
+the model.  `settings` has the numbers of all steps.
+
 Arguments of these names mean the same here, in discovery and in explanation:
 
 | name | meaning |

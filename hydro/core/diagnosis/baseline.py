@@ -6,7 +6,7 @@ baseline fit, or that of the present model.  A sensor error that kinematics show
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -23,6 +23,7 @@ from hydro.core.diagnosis.model import (
     fitted_or_kept,
     from_elsewhere,
     names_of,
+    screened,
     unfitted,
 )
 from hydro.core.diagnosis.settings import (
@@ -40,6 +41,7 @@ from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit as equation_error
 from hydro.core.identification.outcome import Fit
+from hydro.core.identification.suspects import Suspect
 from hydro.core.prediction import multiple_shooting
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError, in_waves
@@ -131,6 +133,10 @@ class Baseline:
         It is negative for a model that fits worse than the baseline.
         """
         return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
+
+    def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
+        """Return the linearised test of candidates against a model's residual, scaled to all shots."""
+        return screened(model, tried, len(self.problem.shots.starts))
 
     def material(self, gain: float, before: Model) -> bool:
         """Return whether a reduction of a model's squared residual is large enough to be a finding.

@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, stated, wins
+from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, wins
 from hydro.core.diagnosis.contenders import Compared, Contender, Contest
-from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, limited_confidence
+from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.mounting import with_mounting
@@ -31,6 +31,7 @@ from hydro.core.diagnosis.settings import (
     ABSORBED,
     CHANGED,
     DOUBTFUL,
+    FIT,
     FURTHER,
     MATERIAL,
     MOST_FINDINGS,
@@ -96,15 +97,14 @@ class ByChange:
         Returns:
             The regime with the compared recording, ready for `select`.
         """
-        compared, first = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
         errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
         back = with_mounting(vehicle, log, errors, lambda one, of: _misfit(one, of, hull), hull)
         if back is not log:
             return cls.of(vehicle, back, hull, further, told)
+        compared, first = Compared.of(vehicle, log, hull)
         given = compared.chi2(first)
         if errors:
-            read = extended(vehicle, [one.table for one in errors])
-            compared, first = Compared.of(log, stable_shots(read, log), hull, read)
+            compared, first = Compared.of(extended(vehicle, [one.table for one in errors]), log, hull)
         return cls(vehicle, compared, first, given, tuple(errors), further, told)
 
     @property
@@ -199,7 +199,7 @@ class ByChange:
         Mean squared residuals are in units of the floor of the hull model.
         """
         last = self._last(changes)
-        tables = [{"name": one.effect, **one.parameters} for one in findings if one.parameters]
+        tables = [one.table for one in findings if one.parameters]
         chi2 = (self.given, self.given, self.compared.chi2(last))
         return Diagnosis(tuple(findings), extended(last.vehicle, tables), chi2)
 
@@ -222,7 +222,7 @@ class ByChange:
 
 def _misfit(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> float:
     """Return the mean squared residual of a vehicle with the hull-force model, in floors."""
-    compared, model = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
+    compared, model = Compared.of(vehicle, log, hull)
     return compared.chi2(model)
 
 
@@ -279,9 +279,14 @@ class Change:
     def penalty(self, rival: Contender) -> float:
         """Return a rival's penalty for its parameters and for the hull-force error that it absorbs.
 
-        It is in units of the squared residual, as the rival's held-out cost.
+        It is in units of the squared residual, as the rival's held-out cost.  If a rival reaches the floor,
+        each parameter costs a share of at most FIT floors, because the rest of the residual was due to the
+        change.  Otherwise no candidate is right, and a parameter costs a share of the whole residual.
         """
-        return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
+        absorbs, whole = CATALOGUE[rival.effect].identification.absorbs, float(self.whole.sum())
+        right = min(one.left for one in self.rivals.values()) <= RIGHT * self.floor
+        at_stake = min(whole, FIT * self.floor) if right else whole
+        return NEGLIGIBLE * at_stake * len(rival.model.values) + ABSORBED * absorbs * self.floor
 
     def penalised(self, rival: Contender) -> float:
         """Return a rival's held-out cost plus its penalty, by which rivals are ranked."""
@@ -412,9 +417,7 @@ def _finding(
         advice=words,
         support=frequency[name],
     )
-    if known and found.confidence < SURE:
-        return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
-    return stated(found)
+    return unconfirmed(found) if found.confidence < SURE else found
 
 
 def weight_of_values(fit: Fit, file: Vehicle, effect: str) -> float:
@@ -444,7 +447,7 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
         DataError: The recording is too short, or the predictions diverge.
     """
     file = hull.completed(file)
-    compared, first = Compared.of(log, stable_shots(file, log), hull, file)
+    compared, first = Compared.of(file, log, hull)
     contest = Contest(compared, first)
     model = contest.with_hull_response(contest.fitted_together(changes))
     entries = model.unknown.entries

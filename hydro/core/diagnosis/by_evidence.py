@@ -15,13 +15,12 @@ import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence, explained_share
+from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed, with_implausible
 from hydro.core.diagnosis.findings import (
     STATED,
     Diagnosis,
     Finding,
     extended,
-    limited_confidence,
-    with_implausible,
 )
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
@@ -108,7 +107,7 @@ class ByEvidence:
     def select(self, progress: Progress) -> Named:
         """Return the one change that is named, after the velocity sensor errors that kinematics shows."""
         baseline, errors = self.baseline, list(_sensor_errors(self.baseline, self.outcome))
-        read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
+        read = extended(baseline.vehicle, [one.table for one in errors])
         rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
         there = replace(baseline, vehicle=read, effects=rest)
         return replace(by_transfer(there, part(progress, 0.4, 0.9)), sensor_errors=tuple(errors))
@@ -305,13 +304,7 @@ def _finding(
     least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)
     near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
-    named = _suspect(rival, model, without, fit, words)
-    if named.share <= 0.0:  # the hull forces alone profit from it
-        sure = min(sure, DOUBTFUL)
-    named = replace(named, confidence=sure)
-    if sure < SURE:
-        return named
-    return replace(named, verdict="retune" if rival.own else "missing", advice=words)
+    return _named(rival, model, without, fit, words, sure)
 
 
 def _nearly_as_good(
@@ -334,18 +327,21 @@ def _nearly_as_good(
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
         words = f"{adding}; {worth(one) / worth(rival):.0%} as good as {rival.effect} {by}"
         confidence = min((1.0 - finding.confidence) * worth(one) / whole, finding.confidence)
-        yield replace(_suspect(one, one.model, surveyed.refitted, fit, words), confidence=confidence)
+        yield _named(one, one.model, surveyed.refitted, fit, words, confidence)
 
 
-def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
-    """Return an effect as an unconfirmed finding, with its values and its share of the error.
+def _named(rival: Rival, model: Model, without: Model, fit: Fit, words: str, confidence: float) -> Finding:
+    """Return an effect as a finding with its values; it is unconfirmed if the confidence is below SURE.
 
-    The share is of the error of `without`, the model without the effect, beyond the noise.
+    The share is of the error of `without`, the model without the effect, beyond the noise.  An effect that
+    removes none of it has a confidence of at most DOUBTFUL: the hull forces alone profit from it.
     """
-    pieces = block_length(model.normal.score)
+    pieces, table = block_length(model.normal.score), fit.table(rival.effect)
     share = explained_share(without.costs - model.costs, without.excesses, pieces)
-    told, table = advice.suspecting(rival.effect, words), fit.table(rival.effect)
-    return Finding.of("suspect", rival.effect, table, share, advice=told, support=rival.score)
+    sure = confidence if share[0] > 0.0 else min(confidence, DOUBTFUL)
+    told = {"confidence": sure, "advice": words, "support": rival.score}
+    found = Finding.of("missing", rival.effect, table, share, **told)
+    return found if sure >= SURE else unconfirmed(found)
 
 
 def _evidence_in_words(rival: Rival, model: Model, near: Sequence[str]) -> str:

@@ -20,15 +20,19 @@ from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
     change_frequency,
-    discounted_by_largest,
-    discounted_by_unexplained,
     explained_share,
     selection_frequency,
     shared,
-    stated,
-    unconfirmed,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding, limited_confidence, with_implausible
+from hydro.core.diagnosis.doubts import (
+    discounted_by_largest,
+    discounted_by_unexplained,
+    limited_confidence,
+    session_warning,
+    stated,
+    with_implausible,
+)
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
@@ -265,7 +269,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         words = advice.retuning(effect, change_of(effect, baseline.vehicle, model.unknown, model.values))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
-    words += unconfirmed(effect, without, model, baseline.problem.shots.session)
+    words += session_warning(effect, without, model, baseline.problem.shots.session)
     sure = by_likelihood_confidence(tied[effect], model.normal.chi2)
     return Finding.of(
         "cannot_tell_apart" if several else "retune" if known else "missing",

@@ -17,7 +17,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.confidence import stated
+from hydro.core.diagnosis.doubts import stated
 from hydro.core.diagnosis.findings import STATED, Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.settings import DISTINCT, NEARLY_EQUAL, STEADY_SECONDS

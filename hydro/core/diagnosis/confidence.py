@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.findings import LACKING, Finding
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
     CHANGED,
@@ -31,14 +31,10 @@ from hydro.core.diagnosis.settings import (
     RESAMPLES,
     RIGHT,
     RIGHT_ABOVE,
-    SIMILAR,
-    SURE,
 )
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
-from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
-from hydro.core.identification.prior import in_file
 from hydro.core.prediction.normal_equations import Normal, block_length
 
 
@@ -187,24 +183,6 @@ def left_out_share(first: Normal, rival: Normal, amounts: Array, session: ArrayL
     return float(np.clip(gain / max(excess, 1e-9), 0.0, 1.0))
 
 
-def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
-    """Return a warning where held-out sessions do not confirm an effect; empty where they do.
-
-    Only the effect's components are refitted, because one session alone may determine those of the others.
-    """
-    own, unknown = model.unknown.places(effect), model.unknown
-    change = model.values[own] - in_file(without.vehicle, [unknown.entries[i] for i in own])
-    amounts = change / unknown.scales[own]
-    elsewhere = left_out_share(without.normal.of([]), model.normal.of(own), amounts, session)
-    here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
-    if elsewhere >= SIMILAR * min(here, 1.0):
-        return ""
-    return (
-        f"; one session alone supports it: fitted to the others it removes {elsewhere:.0%} of the error "
-        f"instead of {here:.0%}"
-    )
-
-
 def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
     """Return findings with the share that they explain together divided among them, if they overlap.
 
@@ -228,50 +206,6 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
         )
         parted.append(replace(one, share=share, low=low, high=min(high, 1.0), advice=one.advice + warning))
     return parted
-
-
-def discounted_by_unexplained(finding: Finding, rest: float) -> Finding:
-    """Return a finding with less confidence and a warning where the unexplained error is of similar size.
-
-    Where a pilot or a controller reacts to a disturbance such as waves, disturbance and reaction are
-    correlated, and estimates of inertia or damping are biased.  A small effect may also absorb an error of
-    the hull that no effect describes.
-
-    `rest` is the share of the error that no effect explains.
-    """
-    if rest < SIMILAR * finding.share:
-        return finding
-    share = f"{rest:.0%}" if rest >= 0.01 else f"{rest:.1%}"
-    warning = (
-        f"; no effect explains {share} of the error, and this estimate may absorb a part of it: if the "
-        "commands react to waves or other disturbances, record without feedback before you trust its values"
-    )
-    sure = finding.confidence * finding.share / (finding.share + rest)
-    return replace(finding, confidence=sure, advice=finding.advice + warning)
-
-
-def discounted_by_largest(findings: Sequence[Finding], left: float) -> list[Finding]:
-    """Return findings with the confidence of each multiplied by its share over the largest share.
-
-    This applies above RIGHT times the noise, where formulas also absorb the hull's error: of 45 further names
-    next to a right one none was right (`benchmarks.imperfect_base`, seeds 99000 to 99059).
-    """
-    most = max((finding.share for finding in findings), default=0.0)
-    if left <= RIGHT or most <= 0.0:
-        return list(findings)
-    parts = [max(finding.share, 0.0) / most for finding in findings]
-    return [replace(one, confidence=one.confidence * part) for one, part in zip(findings, parts, strict=True)]
-
-
-def stated(finding: Finding) -> Finding:
-    """Return a finding, with the verdict `suspect` if it is confirmed with a confidence below SURE.
-
-    Of effects that the recording cannot separate, the confidence of the whole group counts.
-    """
-    group = finding.support if finding.verdict == "cannot_tell_apart" else 1.0
-    if finding.verdict not in LACKING or finding.confidence >= SURE * group:
-        return finding
-    return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
 
 
 def by_likelihood_confidence(frequency: float, left: float) -> float:

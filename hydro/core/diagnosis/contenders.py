@@ -7,7 +7,7 @@ components that remove less than their penalty are dropped.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -16,18 +16,17 @@ from typing import Any, cast
 import numpy as np
 
 from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
 from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
-    ABSORBED,
     ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
     FIT,
-    NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
     SIMILAR,
@@ -80,24 +79,6 @@ class Contender:
         """Held-out squared residual, summed over all shots."""
         return float(self.costs.sum())
 
-    def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
-        """Return the penalty of this effect, in units of squared residual.
-
-        The floor is the squared residual that the hull-force model leaves on held-out data.
-        If a rival reaches the floor, each parameter costs a share of at most FIT floors, because the rest of
-        the residual was due to the change.  Otherwise no candidate is right, and a parameter costs a share of
-        the whole residual.  An effect that absorbs hull-force error costs more.
-
-        Args:
-            rivals: All fitted candidates.
-            whole: Held-out squared residual without a change.
-            floor: Squared residual of the hull model on held-out data.
-        """
-        absorbs = CATALOGUE[self.effect].identification.absorbs
-        right = min(one.left for one in rivals) <= RIGHT * floor
-        at_stake = min(whole, FIT * floor) if right else whole
-        return NEGLIGIBLE * at_stake * len(self.model.values) + ABSORBED * absorbs * floor
-
 
 @dataclass(frozen=True)
 class Compared:
@@ -118,10 +99,8 @@ class Compared:
     weight: Array = field(default_factory=lambda: np.ones(1))
 
     @classmethod
-    def of(
-        cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
-    ) -> tuple[Compared, Model]:
-        """Prepare the shots after a change for the fits of candidate changes.
+    def of(cls, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> tuple[Compared, Model]:
+        """Cut a recording after a change into shots, and prepare them for the fits of candidate changes.
 
         The shots are corrected for the hull force learnt before the change, so that what remains is due to
         the change.  Their residuals are in units of the floor: the root mean square residual that the hull
@@ -129,16 +108,18 @@ class Compared:
         so get smaller weights (`robust`).
 
         Args:
-            log: Recording after the change.
-            problem: Its shots.
-            hull: Hull-force model learnt from the earlier recording.
             vehicle: Vehicle file.
+            log: Recording after the change.
+            hull: Hull-force model learnt from the earlier recording.
 
         Returns:
             The recording with its weights, whose `problem` has the shots as measured, and the vehicle file
             as a model without free components, on the corrected shots.
+
+        Raises:
+            DataError: The recording is too short, or the vehicle's predictions diverge.
         """
-        problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
+        problem = stable_shots(vehicle, log).weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
         first = unfitted(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first

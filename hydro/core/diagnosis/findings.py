@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import msgspec
@@ -14,12 +14,8 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core import toml_text
-from hydro.core.diagnosis.settings import DOUBTFUL, FAR_FROM_PRIOR
-from hydro.core.effects.actuator import THRUSTER_GAIN
-from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
-from hydro.core.recording.arrays import HORIZONTAL, Recording
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -62,10 +58,6 @@ HEADLINE, PREDICTION = "headline", "prediction"
 """Keys of an artefact for the headline, and for the held-out errors before and after."""
 WITH_VALUES = (*STATED, "suspect")
 """Verdicts that have values."""
-BY_RATES_ALONE = (
-    "rates alone show thrust only relative to the inertia in the file, which may be too small: record a "
-    "velocity or a position, or measure the inertia"
-)
 
 
 @dataclass(frozen=True)
@@ -131,6 +123,11 @@ class Finding:
         shares, (values, errors) = {"share": middle, "low": low, "high": high}, table
         given = {"members": (effect,), "parameters": values, "standard_errors": errors, **shares, **more}
         return cls(verdict, effect, **given)
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """The `[[effect]]` table of the fitted values, without standard errors."""
+        return {"name": self.effect, **self.parameters}
 
 
 @dataclass(frozen=True)
@@ -224,9 +221,9 @@ class Diagnosis:
         estimates: All values that were fitted together, with their covariance; None without such a fit.
         question: Open questions for the next experiment, for `experiment.flight.advise`.
         trace: Regime and its selection, with every fitted candidate; None for a log with a fault.
-        prediction: Held-out errors before and after; None where no session is long enough, or with a
-            hull-force model.
-        status: Overall result, see `diagnosis.status`; None for one step of `explain`.
+        prediction: Held-out errors before and after; None where no session is long enough, with a hull-force
+            model, and for a step of `explain`.
+        status: Overall result, see `diagnosis.status`; None before it is written.
     """
 
     findings: tuple[Finding, ...]
@@ -240,7 +237,7 @@ class Diagnosis:
 
     @property
     def headline(self) -> str:
-        """Status in one line; empty for one step of `explain`."""
+        """Status in one line; empty before it is written."""
         return self.status.headline if self.status else ""
 
     @property
@@ -294,6 +291,39 @@ def _value(value: Any) -> str:
     return repr(float(value))
 
 
+def of_table(diagnosis: pl.DataFrame) -> list[Finding]:
+    """Return the rows of a diagnosis table as findings, in the order of their rank.
+
+    Shares and p-values are left out.
+
+    Raises:
+        DataError: Values are not inline TOML.
+    """
+    return [
+        Finding(
+            row["verdict"],
+            row["effect"],
+            tuple(row["members"]),
+            confidence=math.nan if row["confidence"] is None else row["confidence"],
+            parameters=_numbers(row, "parameters"),
+            standard_errors=_numbers(row, "standard_errors"),
+            advice=row["advice"],
+        )
+        for row in diagnosis.sort("rank").iter_rows(named=True)
+    ]
+
+
+def _numbers(row: Mapping[str, Any], column: str) -> dict[str, Any]:
+    """Return the values or standard errors in a row of a diagnosis table; empty without any."""
+    try:
+        found: dict[str, Any] = toml_text.value(row[column] or "{}")
+    except DataError as error:
+        raise DataError(
+            f"the values of {row['effect']} are not inline TOML ({error}); run `hydro diagnose` again"
+        ) from error
+    return found
+
+
 def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> list[dict[str, Any]]:
     """Return the `[[effect]]` tables of a diagnosis' findings, the largest share first.
 
@@ -307,8 +337,7 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
     Raises:
         DataError: The diagnosis has nothing to add, only unconfirmed effects, or not the requested finding.
     """
-    rows = diagnosis.sort("rank").filter(pl.col("verdict").is_in(WITH_VALUES) & (pl.col("parameters") != ""))
-    found = {row["effect"]: row for row in rows.iter_rows(named=True)}
+    found = {one.effect: one for one in of_table(diagnosis) if one.verdict in WITH_VALUES and one.parameters}
     if not found:
         raise DataError("the diagnosis found nothing to add; see its advice with `hydro show`")
     suspected = suspects(diagnosis)
@@ -317,15 +346,14 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
         raise DataError(by_name(suspected))
     for name in wanted:
         if name not in found:
-            raise DataError(_refusal(name, rows, list(found)))
-    return [_table(found[name]) for name in dict.fromkeys(wanted)]
+            raise DataError(_refusal(name, found))
+    chosen = [found[name] for name in dict.fromkeys(wanted)]
+    return [one.table | {"standard_error": one.standard_errors} for one in chosen]
 
 
 def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
     """Return the confidence in each unconfirmed effect of a diagnosis table, by name; NaN if not known."""
-    rows = diagnosis.sort("rank").filter(verdict="suspect")
-    pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
-    return dict(pairs)
+    return {one.effect: one.confidence for one in of_table(diagnosis) if one.verdict == "suspect"}
 
 
 def no_better(
@@ -381,63 +409,12 @@ def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
     return msgspec.structs.replace(vehicle, effect=tuple(every))
 
 
-def _table(row: dict[str, Any]) -> dict[str, Any]:
-    """Return one row of a diagnosis table as an `[[effect]]` table."""
-    try:
-        values: dict[str, Any] = toml_text.value(row["parameters"])
-        errors: dict[str, Any] = toml_text.value(row["standard_errors"] or "{}")
-    except DataError as error:
-        raise DataError(
-            f"the values of {row['effect']} are not inline TOML ({error}); run `hydro diagnose` again"
-        ) from error
-    return {"name": row["effect"]} | values | {"standard_error": errors}
-
-
-def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
-    """Return the reason why an effect cannot be added."""
-    for row in rows.iter_rows(named=True):
-        if name in row["members"]:
+def _refusal(name: str, found: Mapping[str, Finding]) -> str:
+    """Return the reason why an effect that is none of the findings with values cannot be added."""
+    for one in found.values():
+        if name in one.members:
             return (
-                f"{name} is tied with {row['effect']}, whose values the diagnosis holds; for its own, use "
+                f"{name} is tied with {one.effect}, whose values the diagnosis holds; for its own, use "
                 f"`hydro fit --effect {name}`"
             )
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"
-
-
-def limited_confidence(
-    confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
-) -> float:
-    """Return the confidence in a name, at most DOUBTFUL where physics excludes the fitted values.
-
-    Args:
-        confidence: Confidence in the name.
-        vehicle: Vehicle with the values.
-        effect: Name of the effect.
-        errors: Standard errors of the values, given where a model fits.  Then values count as excluded only
-            if they lie FAR_FROM_PRIOR half widths from the middle of the plausible range.
-    """
-    beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else FAR_FROM_PRIOR)
-    return min(confidence, DOUBTFUL) if beyond else confidence
-
-
-def doubted_gain(finding: Finding, record: Recording) -> Finding:
-    """Return a finding, as unconfirmed if it is thruster gains and a wrong inertia predicts the same motion.
-
-    A moment N and an inertia I act on a rate of turn through N / I alone.  Without a sensor of surge or sway,
-    weak thrusters and too small an inertia in the file predict the same motion.  The confidence is then at
-    most DOUBTFUL.
-    """
-    doubted = finding.verdict in (*LACKING, "suspect") and finding.effect == THRUSTER_GAIN.name
-    if not doubted or record.shows(HORIZONTAL):
-        return finding
-    sure, words = min(finding.confidence, DOUBTFUL), f"{BY_RATES_ALONE}; {finding.advice}"
-    return replace(finding, verdict="suspect", confidence=sure, advice=words)
-
-
-def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
-    """Return a finding with a warning in its advice about each value outside its physical range."""
-    if not finding.parameters:
-        return finding
-    table = {"name": finding.effect, **finding.parameters}
-    beyond = implausible(msgspec.structs.replace(vehicle, effect=(table,)))
-    return replace(finding, advice="; ".join([finding.advice, *beyond]))

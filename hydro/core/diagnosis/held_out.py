@@ -132,7 +132,7 @@ class _Check:
 
     def squares(self, findings: Sequence[Finding]) -> Squares:
         """Return the squared errors of held-out stretches with findings added."""
-        vehicle = extended(self.vehicle, [{"name": one.effect, **one.parameters} for one in findings])
+        vehicle = extended(self.vehicle, [one.table for one in findings])
         problem = self.problem.at_measured_states(vehicle)
         return left_out_squares(vehicle, [one.effect for one in findings], problem, self.ahead)
 

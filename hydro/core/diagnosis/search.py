@@ -28,7 +28,6 @@ from hydro.core.diagnosis.model import (
     fit_model,
     leader,
     not_ruled_out,
-    screened,
 )
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
@@ -52,7 +51,7 @@ from hydro.core.diagnosis.settings import (
 )
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step
-from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
+from hydro.core.identification.suspects import is_curved, plainer, shapes, suspects
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
@@ -109,12 +108,8 @@ class Search:
 
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Return the linearised test of all effects outside a model against the model's residual."""
-        known = [*self.baseline.effects, *chosen]
-        return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.track))
-
-    def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
-        """Return the linearised test of candidates against a model's residual, scaled to all shots."""
-        return screened(model, tried, len(self.baseline.problem.shots.starts))
+        known, reach = [*self.baseline.effects, *chosen], self.baseline.log.track
+        return self.baseline.screened(model, suspects(model.vehicle, without=known, reach=reach))
 
     def fewer(self, model: Model) -> Model:
         """Return the model over SHOTS / 2 shots if its residual is above RIGHT times the noise.
@@ -238,7 +233,7 @@ class Search:
             progress(f"{name} against the residual", 0.6 * len(fits) / CONTENDERS)
             fine = shapes(vehicle, name, reach=self.baseline.log.track)
             try:
-                finer = self.screened(screening.model, fine) if fine else screening
+                finer = self.baseline.screened(screening.model, fine) if fine else screening
                 fit = self.joined(chosen, finer, name)
             except Diverges:  # from every start: not a contender
                 continue

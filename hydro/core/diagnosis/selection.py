@@ -1,4 +1,11 @@
-"""Selection loop of every regime: add the best candidate of each round while it belongs to the model."""
+"""Selection loop: add the best candidate of each round while it belongs to the model.
+
+| rounds | candidates | ranked by | belongs if |
+|---|---|---|---|
+| `search.Search` | effects | penalised squared residual | `Baseline.belongs` |
+| `by_change.ByChange` | changes | penalised held-out residual | `Change.seen` |
+| `discovery.discover.Discovery` | terms of a formula | held-out error | that error falls clearly |
+"""
 
 from __future__ import annotations
 

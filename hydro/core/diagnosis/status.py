@@ -2,22 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Diagnosis, Finding, Prediction, Status
 from hydro.core.diagnosis.settings import LIKELY, MOST_STATED, RIGHT, SURE
-from hydro.core.effects.phrases import UNCLEAR
+from hydro.core.effects.phrases import UNCLEAR, UNDETERMINED
 from hydro.core.effects.sentences import sentence
+from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Vehicle with whose values the sentences of findings compare the fitted values.
+
+    Attributes:
+        vehicle: Vehicle.
+        dt: Sample time of the recording [s].
+        earlier: Whether the vehicle was fitted to an earlier recording, so that its values are the earlier
+            ones; otherwise they are those of the file.
+    """
+
+    vehicle: Vehicle
+    dt: float
+    earlier: bool = False
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, dt: float, hull: Hull | None) -> Reference:
+        """Return a vehicle file, or the one fitted to the earlier recording if that was far from the file.
+
+        Args:
+            vehicle: Vehicle file.
+            dt: Sample time of the recording [s].
+            hull: Hull-force model from an earlier recording; None without one.
+        """
+        if hull is None or hull.completion is None:
+            return cls(vehicle, dt)
+        return cls(hull.completed(vehicle), dt, earlier=True)
+
+    def sentence(
+        self, effect: str, values: Mapping[str, Any], errors: Mapping[str, Any], *, brief: bool = False
+    ) -> str:
+        """Return a sentence with the values of an effect and their standard errors.
+
+        Args:
+            effect: Name of the effect.
+            values: Fitted values.
+            errors: Their standard errors.
+            brief: Whether the sentence is for a headline, without standard errors.
+        """
+        return sentence(self.vehicle, effect, values, errors, self.dt, brief=brief, earlier=self.earlier)
 
 
 def status(
     findings: Sequence[Finding],
-    vehicle: Vehicle,
-    dt: float,
+    reference: Reference,
     left: float | None = None,
     prediction: Prediction | None = None,
 ) -> Status:
@@ -25,8 +68,7 @@ def status(
 
     Args:
         findings: Findings of one diagnosis, the largest share first.
-        vehicle: Vehicle file.
-        dt: Sample time of the recording [s].
+        reference: Vehicle with whose values the sentences compare.
         left: Mean squared residual with all changes since an earlier recording, in floors of the hull model;
             None without such a recording.
         prediction: Held-out errors before and after the confirmed findings are added; None if not known.
@@ -38,16 +80,16 @@ def status(
     faults = [f"The log has a fault: {one.advice}." for one in findings if one.verdict == "log_fault"]
     remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > RIGHT)
     if stated:
-        told = [_sentence(one, vehicle, dt) for one in stated]
+        told = [_sentence(one, reference) for one in stated]
         rest = ["An error remains that no effect explains."] if remains else []
         if prediction is not None and prediction.refuted:
             they = "it does" if len(stated) == 1 else "they do"
             rest = [f"Added to the file, {they} not lower the held-out prediction error.", *rest]
-            rest += [_suspicion(suspected, vehicle, dt)] if suspected else []
+            rest += [_suspicion(suspected, reference)] if suspected else []
         return Status("stated", _counted(len(stated), changed), (*told, *rest, *faults))
     if suspected:
         best = max(suspected, key=_likely)
-        told = [_suspicion(suspected, vehicle, dt)]
+        told = [_suspicion(suspected, reference)]
         formula = np.isnan(best.confidence) and not changed  # a formula explains all that effects explain
         rest = ["No effect explains all of the error."] if remains and not formula else []
         return Status("uncertain", "Not certain", (*told, *rest, *faults))
@@ -79,10 +121,10 @@ def _is_unsure(one: Finding) -> bool:
     return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
-def _suspicion(suspected: Sequence[Finding], vehicle: Vehicle, dt: float) -> str:
+def _suspicion(suspected: Sequence[Finding], reference: Reference) -> str:
     """Return the sentence of the likeliest unconfirmed finding, with its confidence."""
     best = max(suspected, key=_likely)
-    return f"{_sentence(best, vehicle, dt).rstrip('.')} ({in_words(best.confidence)})."
+    return f"{_sentence(best, reference).rstrip('.')} ({in_words(best.confidence)})."
 
 
 def _likely(one: Finding) -> float:
@@ -109,13 +151,10 @@ def percent(confidence: float) -> str:
     return "less than 1 %" if told == "0 %" else told
 
 
-def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnosis:
-    """Return a diagnosis whose findings with values have a sentence that states the values.
-
-    `vehicle` is the one that was diagnosed; `dt` is the sample time of the recording [s].
-    """
+def with_sentences(diagnosis: Diagnosis, reference: Reference) -> Diagnosis:
+    """Return a diagnosis whose findings with values have a sentence that states the values."""
     findings = tuple(
-        replace(one, sentence=sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt))
+        replace(one, sentence=reference.sentence(one.effect, one.parameters, one.standard_errors))
         if one.parameters
         else one
         for one in diagnosis.findings
@@ -123,30 +162,13 @@ def with_sentences(diagnosis: Diagnosis, vehicle: Vehicle, dt: float) -> Diagnos
     return replace(diagnosis, findings=findings)
 
 
-def since_earlier(diagnosis: Diagnosis) -> Diagnosis:
-    """Return a diagnosis whose sentences compare values with those of the earlier recording.
-
-    Args:
-        diagnosis: Diagnosis with sentences and a status, of a file that was fitted to the earlier recording.
-    """
-    findings = tuple(replace(one, sentence=_since(one.sentence)) for one in diagnosis.findings)
-    told = diagnosis.status
-    if told is not None:
-        told = replace(told, sentences=tuple(_since(one) for one in told.sentences))
-    return replace(diagnosis, findings=findings, status=told)
-
-
-def _since(text: str) -> str:
-    """Return a sentence that names the value before the change in place of the file's value."""
-    return text.replace("the file's value", "its earlier value").replace("as in the file", "as before")
-
-
-def _sentence(one: Finding, vehicle: Vehicle, dt: float) -> str:
+def _sentence(one: Finding, reference: Reference) -> str:
     """Return a finding's sentence for the headline, with the effects that would fit as well."""
     if not one.parameters:
         return f"The file's {one.effect.replace('_', ' ')} does not fit this log."
-    told = sentence(vehicle, one.effect, one.parameters, one.standard_errors, dt, brief=True)
-    if one.verdict in STATED and told.endswith(UNCLEAR) and told.count(". ") == 0:
+    told = reference.sentence(one.effect, one.parameters, one.standard_errors, brief=True)
+    unclear = told.endswith(UNDETERMINED) or UNCLEAR in told
+    if one.verdict in STATED and unclear and told.count(". ") == 0:
         told = f"{one.effect.replace('_', ' ').capitalize()} explains a part of the error. {told}"
     others = [name.replace("_", " ") for name in one.members if name != one.effect]
     return f"{told} In this log {' or '.join(others)} would fit as well." if others else told

@@ -29,7 +29,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
-from hydro.core.diagnosis.search import Search, most_gain
+from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.settings import (
     CORRELATED,
     FAR_FROM_NOISE,
@@ -391,7 +391,7 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
     """
     file, own = baseline.vehicle, baseline.effects
     tried = suspects(file, without=own, reach=baseline.log.track)
-    screening = Search(baseline).screened(refitted, tried)
+    screening = baseline.screened(refitted, tried)
     weight, held, tables = CORRELATED * known.temper, known(refitted.unknown).information, {}
     least = MATERIAL * refitted.excess if baseline.refitted.normal.chi2 > FAR_FROM_NOISE else -np.inf
     for name, (_, columns) in screening.ranked.items():

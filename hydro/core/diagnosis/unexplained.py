@@ -19,7 +19,6 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.settings import FIT, MATERIAL, SMALL_STEP
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
@@ -84,14 +83,14 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     They are tested as if free, on the model before any effect joined it, because such an effect may absorb
     their error.
     """
-    search, first = Search(baseline), baseline.refitted
+    first = baseline.refitted
     joined = outcome.found[:1]
     found = max((first.normal.cost - one.rivals[one.effect].normal.cost for one in joined), default=0.0)
     for name in dict.fromkeys(str(table["name"]) for table in baseline.vehicle.effect):
         if not wholly_known(baseline.vehicle, name):
             continue
         open_ = released(first.vehicle, name)
-        screening = search.screened(first, [of_entries(open_, name)])
+        screening = baseline.screened(first, [of_entries(open_, name)])
         gain = screening.gains[name]
         if gain < found or not (screening.significant and baseline.material(gain, first)):
             continue

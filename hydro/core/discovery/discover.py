@@ -21,6 +21,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
 from hydro.core.diagnosis.confidence import explained_share, folds, left_out_costs
+from hydro.core.diagnosis.doubts import unconfirmed
 from hydro.core.diagnosis.findings import UNEXPLAINED, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
@@ -46,7 +47,6 @@ from hydro.core.discovery.terms import Term, library
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
-from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR, moved
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import change_of, deviations, in_file
@@ -73,21 +73,6 @@ class Choice:
     def costs(self) -> Array:
         """Held-out squared residual beyond the noise, summed over shots, (2,): by sessions, by regimes."""
         return np.asarray(np.nansum(self.left, axis=1))
-
-
-@dataclass(frozen=True)
-class Found:
-    """Result of a discovery.
-
-    Attributes:
-        findings: The formula, and the effects of the file whose values changed with it.
-        fit: The joint fit of the formula and the file's effects.
-        left: Reduced chi-square after the fit.
-    """
-
-    findings: tuple[Finding, ...]
-    fit: Fit
-    left: float
 
 
 @dataclass(frozen=True)
@@ -140,31 +125,18 @@ class Discovery:
         pulls = [SMALL_STEP * size for size in _sizes(model.vehicle)]
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
         normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
-        count = len(own)
+        count, prior = len(own), self.known(model.unknown)
+        away = np.append(model.values / model.unknown.scales - prior.centre, 0.0)
+        information = np.append(prior.information, self.known.temper * PRIOR**-2)
         first = choice.left + model.normal.freedoms
         scored = []
         for number in _most(normal, count, [term.preferred for term in terms], self.known, model):
-            columns = [*range(count), count + number]
-            after = [self._left(model, normal, columns, fold) for fold in self.folds]
+            both = normal.of([*range(count), count + number])
+            given = away, information, [count], LEAST_INFORMATION
+            after = [left_out_costs(both, fold, *given) for fold in self.folds]
             gain = min(float(np.nansum(a - b)) for a, b in zip(first, after, strict=True))
             scored.append((gain * terms[number].preferred, number))
         return [terms[number] for gain, number in sorted(scored, reverse=True) if gain > 0.0]
-
-    def _left(self, model: Model, normal: Normal, columns: Sequence[int], fold: Rows) -> Array:
-        """Return the held-out squared residual of each shot for a linearised model with more terms, (S,).
-
-        Args:
-            model: Fitted model.
-            normal: Its linearisation, with further terms as columns after its own.
-            columns: Columns in use: all of the model, then those of new terms.
-            fold: Number of the session or regime of each shot, (S,).
-        """
-        prior = self.known(model.unknown)
-        extra = len(columns) - len(model.values)
-        amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * PRIOR**-2)])
-        new = range(len(model.values), len(columns))
-        return left_out_costs(normal.of(columns), fold, amounts, held, new, LEAST_INFORMATION)
 
     def is_open(self, choice: Choice) -> bool:
         """Return whether another term may be added: a formula has at most MOST_STEPS new terms."""
@@ -239,19 +211,20 @@ def discovered(
     if not unnamed and not diagnosis.chi2[-1] > RIGHT:
         return diagnosis
     kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
-    equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
+    equipped = extended(vehicle, [one.table for one in kept])
     found = discover(equipped, log, progress or silent)
     if found is None:
         return diagnosis
-    findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
+    formula, fit = found
+    findings, left, leaves = diagnosis.findings, fit.chi2, diagnosis.chi2[-1]
     if left - 1.0 < NEARLY_EQUAL * (leaves - 1.0):
         findings = tuple(_doubted(one, left, leaves) for one in findings)
-    new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
-    estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
+    new = [one for one in formula if one.effect not in {other.effect for other in findings}]
+    estimates = fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
     whole = replace(diagnosis, findings=(*findings, *new), estimates=estimates)
     if left >= leaves:
         return whole
-    return replace(whole, vehicle=found.fit.vehicle, chi2=(*diagnosis.chi2[:2], left))
+    return replace(whole, vehicle=fit.vehicle, chi2=(*diagnosis.chi2[:2], left))
 
 
 def _force(finding: Finding) -> bool:
@@ -273,17 +246,19 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
     amounts_left = f"{left:.3g} instead of {leaves:.3g} times the noise variance"
     words = f"sparse terms without it have a smaller residual, {amounts_left}: see {FORMULA.name}"
     sure = one.confidence * max(left - 1.0, 0.0) / (leaves - 1.0)
-    said = f"{one.advice}; {words}"
-    said = suspecting(one.effect, said) if one.verdict == "missing" else said
-    return replace(one, verdict="suspect", confidence=sure, advice=said)
+    doubted = replace(one, confidence=sure, advice=f"{one.advice}; {words}")
+    return unconfirmed(doubted) if one.verdict == "missing" else doubted
 
 
-def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
+def discover(
+    vehicle: Vehicle, log: Preprocessed, progress: Progress
+) -> tuple[tuple[Finding, ...], Fit] | None:
     """Search a formula of sparse terms for the force that a vehicle file lacks.
 
     Returns:
-        The formula and its fit; None if the file explains the recording, or no term reduces the error on
-        held-out sessions and regimes.
+        Findings of the formula and of the file's effects whose values changed with it, and their joint fit;
+        None if the file explains the recording, or no term reduces the error on held-out sessions and
+        regimes.
     """
     data, first = _begun(vehicle, log)
     if not first.model.normal.chi2 > 1.0 + MATERIAL:
@@ -296,8 +271,7 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
     choice = replace(data, known=known).fitted(choice.model.vehicle, ITERATIONS)
     fit = choice.model.estimated()
-    findings = (_formula(first, choice, fit), *_retuned(vehicle, fit))
-    return Found(findings, fit, choice.model.normal.chi2)
+    return (_formula(first, choice, fit), *_retuned(vehicle, fit)), fit
 
 
 def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:

@@ -286,7 +286,7 @@ def asymmetry_sentence(case: Case) -> str:
     left = quantity(100.0 - loss.value, loss.error, "%")
     if not loss.clear:
         return undetermined(case, "the share of reverse thrust", left)
-    was = f", not {number(100.0 - loss.before)} % as in the file" if case.in_file else ""
+    was = f", not {number(100.0 - loss.before)} % {case.as_given}" if case.in_file else ""
     return f"In reverse, thrusters deliver {left} of their nominal thrust{was}."
 
 
@@ -303,7 +303,7 @@ def curve_sentence(case: Case) -> str:
     now, was = quantity(plain + power.value, power.error), number(plain + power.before)
     if any(table_of(thruster) for thruster in thrusters(case.vehicle)):
         return f"The share of full thrust is that of the file's curve to the power {now}, not {was}."
-    return f"Thrust grows with the command to the power {now}, not {was} as in the file."
+    return f"Thrust grows with the command to the power {now}, not {was} {case.as_given}."
 
 
 def inflow_sentence(case: Case) -> str:

@@ -85,6 +85,7 @@ class Case:
         dt: Sample time of the log [s].
         before: The vehicle file's `[[effect]]` table of the effect; None if the file lacks the effect.
         brief: Whether the sentence is for a headline: only the most significant of several components.
+        earlier: Whether the vehicle's values are those of an earlier recording, to which it was fitted.
     """
 
     vehicle: Vehicle
@@ -94,6 +95,17 @@ class Case:
     dt: float
     before: Mapping[str, Any] | None
     brief: bool = False
+    earlier: bool = False
+
+    @property
+    def old_value(self) -> str:
+        """Words for the value with which the fitted one is compared."""
+        return "its earlier value" if self.earlier else "the file's value"
+
+    @property
+    def as_given(self) -> str:
+        """Words for a value that is the one with which the fitted one is compared."""
+        return "as before" if self.earlier else "as in the file"
 
     @property
     def in_file(self) -> bool:

@@ -187,11 +187,11 @@ def current_sentence(case: Case) -> str:
     if not clear and not vertical:
         return undetermined(case, "the current", now)
     if not clear:
-        was = f", not at {quantity(down.before, unit='m/s')} downward as in the file" if case.in_file else ""
+        was = f", not at {quantity(down.before, unit='m/s')} downward {case.as_given}" if case.in_file else ""
         return f"The water flows {vertical}{was}."
     also = f" and {vertical}" if vertical else ""
     if case.in_file:
-        return f"The current is {now}{also}, not {old} as in the file."
+        return f"The current is {now}{also}, not {old} {case.as_given}."
     return f"A current of {now.replace(' toward', ' flows toward')}{also}."
 
 
@@ -201,7 +201,7 @@ def shear_sentence(case: Case) -> str:
     if not clear:
         return undetermined(case, "the gain of the current per metre of depth", now)
     if case.in_file:
-        return f"Per metre of depth the current gains {now}, not {old} as in the file."
+        return f"Per metre of depth the current gains {now}, not {old} {case.as_given}."
     from_ = quantity(case.one("z_0").value, unit="m")
     return f"Per metre of depth the current gains {now}, counted from {from_} depth."
 
@@ -212,7 +212,7 @@ def trend_sentence(case: Case) -> str:
     if not clear:
         return undetermined(case, "the gain of the current per minute", now)
     if case.in_file:
-        return f"Per minute the current gains {now}, not {old} as in the file."
+        return f"Per minute the current gains {now}, not {old} {case.as_given}."
     from_ = round(case.one("t_0").value, 1) + 0.0
     return f"Per minute the current gains {now}, counted from t = {from_:.10g} s."
 

@@ -300,7 +300,7 @@ def power_sentence(case: Case) -> str:
         entries.append(Entry(f"{axis} drag at {speed}", f"in {axis} at {speed}", one, unit))
     n = case.one("n")
     if case.in_file:
-        return changed("power drag", [*entries, Entry("the power of speed in drag", "", n, "1")], case.brief)
+        return changed(case, "power drag", [*entries, Entry("the power of speed in drag", "", n, "1")])
     grows = f"drag with the power {n.text()} of speed" if case.finite else "power drag"
     return missing(case, grows, entries)
 
@@ -313,7 +313,7 @@ def offset_sentence(case: Case) -> str:
         Entry(f"{axis} drag", f"in {axis}", one, "N s^2/m^2") for axis, one in zip(axes, drags, strict=True)
     ]
     if case.in_file:
-        return changed("offset drag", [*entries, *coordinates("the drag's", point)], case.brief)
+        return changed(case, "offset drag", [*entries, *coordinates("the drag's", point)])
     clear = [one for one in entries if one.quantity.clear]
     if not clear:
         return missing(case, "drag off the origin", entries)

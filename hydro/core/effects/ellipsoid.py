@@ -187,7 +187,7 @@ def ellipsoid_sentence(case: Case) -> str:
         for axis, one in zip(axes, drags, strict=True)
     ]
     if case.in_file:
-        return changed("ellipsoid drag", [*entries, *coordinates("the ellipsoid's", point)], case.brief)
+        return changed(case, "ellipsoid drag", [*entries, *coordinates("the ellipsoid's", point)])
     clear = [one for one in entries if one.quantity.clear]
     if not clear:
         return missing(case, "drag of the hull as an ellipsoid", entries)

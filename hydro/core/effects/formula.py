@@ -279,7 +279,7 @@ def formula_sentence(case: Case) -> str:
             if case.in_file:
                 entries += [Entry(f"power in {name}", "", power, "1") for power in free]
     if case.in_file:
-        return changed("the formula", entries, case.brief)
+        return changed(case, "the formula", entries)
     nouns = [noun for noun, (group, _) in zip(("force", "moment"), GROUPS, strict=True) if whole.get(group)]
     return missing(case, f"a {' and '.join(nouns)}", entries)
 

@@ -376,7 +376,7 @@ def fin_sentence(case: Case) -> str:
         ]
         entries += [Entry(f"{fin}'s stall angle", "", stall, "°")]
         entries += [Entry(f"{fin}'s deflection at full {name}", "", one, "°") for name, one in turned]
-        return changed(fin, entries, case.brief)
+        return changed(case, fin, entries)
     if not area.clear:
         return undetermined(case, "the area of a fin", area.text("m^2"))
     where = place([one.value for one in point], [one.error for one in point])

@@ -117,7 +117,7 @@ def coriolis_sentence(case: Case) -> str:
         return undetermined(case, f"the correction of {subject}", share.text("%"))
     if case.in_file:
         now, was = quantity(100.0 + share.value, share.error, "%"), number(100.0 + share.before)
-        return f"{capital(subject)} is {now} of what the added mass gives, not {was} % as in the file."
+        return f"{capital(subject)} is {now} of what the added mass gives, not {was} % {case.as_given}."
     more = "stronger" if share.value > 0.0 else "weaker"
     return f"{capital(subject)} is {share.size('%')} {more} than modelled."
 

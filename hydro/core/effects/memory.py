@@ -125,11 +125,8 @@ def memory_sentence(case: Case) -> str:
         unit = "N m s" if k % 6 >= 3 else "N s/m"
         entries.append(Entry(f"{axis} fluid memory{over}", f"in {axis}{over}", one, unit))
     if case.in_file:
-        return changed(
-            "the fluid memory",
-            [*entries, *(Entry("a rate of decay", "", one, "1/s") for one in rates)],
-            case.brief,
-        )
+        decay = [Entry("a rate of decay", "", one, "1/s") for one in rates]
+        return changed(case, "the fluid memory", [*entries, *decay])
     return missing(case, "fluid memory", entries)
 
 

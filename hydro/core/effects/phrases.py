@@ -40,8 +40,10 @@ COORDINATES = frozenset({"m", "s", "rad", "°"})
 Sentence = Callable[[Case], str]
 
 
-UNCLEAR = ("not determined by this log.", "does not differ clearly from the file's value.")
-"""Ends of sentences on values that a log does not determine, without and with the effect in the file."""
+UNDETERMINED = "not determined by this log."
+"""End of a sentence on a value of a missing effect that a log does not determine."""
+UNCLEAR = "does not differ clearly from"
+"""Words about a value of the file that a log does not determine; the value in the file follows them."""
 
 
 class Entry(NamedTuple):
@@ -71,9 +73,9 @@ def undetermined(case: Case, subject: str, value: str) -> str:
         value: Estimate in words.
     """
     if case.in_file:
-        return f"{capital(subject)} {UNCLEAR[1]}"
+        return f"{capital(subject)} {UNCLEAR} {case.old_value}."
     said = f", {value}," if case.finite and not case.brief else ""
-    return f"{capital(subject)}{said} is {UNCLEAR[0]}"
+    return f"{capital(subject)}{said} is {UNDETERMINED}"
 
 
 def most_telling(entries: Iterable[Entry]) -> list[Entry]:
@@ -131,7 +133,7 @@ def stated(case: Case, noun: str, entries: Sequence[Entry]) -> str:
         noun: Name of the force or inertia, as in `quadratic damping`.
         entries: All components.
     """
-    return changed(noun, entries, case.brief) if case.in_file else missing(case, noun, entries)
+    return changed(case, noun, entries) if case.in_file else missing(case, noun, entries)
 
 
 def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
@@ -145,7 +147,7 @@ def missing(case: Case, noun: str, entries: Sequence[Entry]) -> str:
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not order:
-        return f"{capital(noun)} is {UNCLEAR[0]}"
+        return f"{capital(noun)} is {UNDETERMINED}"
     if not clear:
         return undetermined(case, noun, valued(order[0]))
     if len(clear) == 1:
@@ -168,30 +170,32 @@ def without_error(entry: Entry) -> str:
     return f"{quantity(entry.quantity.value, unit=entry.unit)} {entry.part}".strip()
 
 
-def changed(noun: str, entries: Sequence[Entry], brief: bool = False) -> str:
+def changed(case: Case, noun: str, entries: Sequence[Entry]) -> str:
     """Return a sentence on the difference from the file: "Heave drag is 1.3 times the file's value (…)".
 
     Args:
+        case: Values of the effect.
         noun: Name of the force or inertia.
         entries: All components.
-        brief: Whether only the most significant component is written.
     """
     order = most_telling(entries)
     clear = [one for one in order if one.quantity.clear]
     if not clear:
         if not order or not order[0].quantity.change:
-            return f"{capital(noun)} is as in the file."
-        return f"{capital(against_file(order[0], first=True))}, within its uncertainty."
+            return f"{capital(noun)} is {case.as_given}."
+        return f"{capital(against_file(order[0], case.old_value))}, within its uncertainty."
 
-    if brief:
+    if case.brief:
         count = len(clear) - 1
         numbered = f"{count} more value{'s' * (count > 1)} of {noun} change{'s' * (count == 1)}"
         others = f"; {numbered}" if count else ""
-        return f"{capital(against_file(clear[0], first=True))}{others}."
+        return f"{capital(against_file(clear[0], case.old_value))}{others}."
 
     def render(count: int, whole: bool) -> str:
-        named = [against_file(one, first=not place) for place, one in enumerate(clear[:count])]
-        rest = [against_file(one, first=False) for one in clear[count:]] if whole else []
+        named = [
+            against_file(one, "" if place else case.old_value) for place, one in enumerate(clear[:count])
+        ]
+        rest = [against_file(one) for one in clear[count:]] if whole else []
         rest = [*map(without_uncertainty, rest)] or more(len(clear) - count, "change")
         return capital(listed([*named, *rest])) + "."
 
@@ -208,18 +212,19 @@ def more(left: int, noun: str = "") -> list[str]:
     return [f"{left} more {noun}{'s' * (left > 1 and bool(noun))}".strip()] if left > 0 else []
 
 
-def against_file(entry: Entry, first: bool) -> str:
+def against_file(entry: Entry, old_value: str = "") -> str:
     """Return words that compare a component with its value in the file, as a simple ratio or as both values.
 
     Args:
         entry: The component.
-        first: Whether the component is the first of its sentence, which says "the file's value".
+        old_value: Words for the value in the file if the component is the first of its sentence, such as "the
+            file's value"; empty for the others, which repeat neither these words nor the verb.
     """
     value, error, before = entry.quantity
     unit = superscript(entry.unit)
     ratio = value / before if before else math.inf
     digits = CLOSE_DIGITS if abs(ratio - 1.0) < CLOSE_RATIO else MOST_DIGITS
-    is_, was = "is " if first else "", number(before, most=digits)
+    is_, was = "is " if old_value else "", number(before, most=digits)
     if entry.unit in COORDINATES or not 1.0 / PLAIN_RATIO <= ratio <= PLAIN_RATIO:
         now, _, doubt = quantity(value, error, entry.unit).partition(" (")
         old = quantity(before, unit=entry.unit)
@@ -228,7 +233,7 @@ def against_file(entry: Entry, first: bool) -> str:
     doubt = f" ± {uncertainty(value, error, digits)}" if known(error) else ""
     gap = "" if unit in ("", "°") else " "
     both = f"({number(value, error, digits)}{doubt}, was {was}{gap}{unit})"
-    of = "the file's value " if first else ""
+    of = f"{old_value} " if old_value else ""
     return f"{entry.label} {is_}{times} times {of}{both}"
 
 

@@ -350,7 +350,7 @@ def payload_sentence(case: Case) -> str:
     if case.in_file:
         entries = [Entry("the payload's weight in water", "", weight, "N")]
         entries += [*coordinates("the payload's", point), Entry("the payload's dry mass", "", mass, "kg")]
-        return changed("the payload", entries, case.brief)
+        return changed(case, "the payload", entries)
     where = place([one.value for one in point], [one.error for one in point])
     dry = mass.clear and mass.value > 0.0
     if not weight.clear:
@@ -371,7 +371,7 @@ def ballast_sentence(case: Case) -> str:
         entries = [Entry(f"sliding ballast in {axis}", "", one, "kg m") for axis, one in slides]
         entries += [Entry("the tilt that moves the ballast", "", tilt, "°")]
         entries += [Entry("the ballast's time constant", "", lag, "s")]
-        return changed("the sliding ballast", entries, case.brief)
+        return changed(case, "the sliding ballast", entries)
     clear = [f"{one.text('kg m')} in {axis}" for axis, one in slides if one.clear]
     if not clear:
         return undetermined(case, "sliding ballast", f"{slides[0][1].text('kg m')} in surge")

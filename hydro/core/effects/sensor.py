@@ -285,14 +285,14 @@ def delay_sentence(case: Case) -> str:
     delay = case.one("d")
     if not delay.clear:
         return undetermined(case, "the delay of the DVL velocity", delay.text("s"))
-    was = f", not {quantity(delay.before, unit='s')} as in the file" if case.in_file else ""
+    was = f", not {quantity(delay.before, unit='s')} {case.as_given}" if case.in_file else ""
     side = "late" if delay.value >= 0.0 else "early"
     return f"DVL velocity arrives {delay.size('s')} {side}{was or case.sampled(delay.value)}."
 
 
 def scale_sentence(case: Case) -> str:
     """Return a sentence that states the scale error of the DVL velocity, for all axes or for each."""
-    than = "than the file says" if case.in_file else ""
+    than = f"than {'before' if case.earlier else 'the file says'}" if case.in_file else ""
     words = ("higher", "lower") if case.in_file else ("too high", "too low")
 
     def side(one: Quantity) -> str:
@@ -341,7 +341,8 @@ def misalignment_sentence(case: Case) -> str:
     if not kept:
         far = max(angles, key=lambda one: one.deviations)
         return undetermined(case, "the misalignment of the DVL", far.changed("°"))
-    against = "the file's mounting" if case.in_file else "the body"
+    mounting = case.old_value.replace("value", "mounting")
+    against = mounting if case.in_file else "the body"
     return f"The DVL is turned {listed(kept)} against {against}."
 
 
@@ -355,7 +356,7 @@ def bias_sentence(case: Case) -> str:
     if not pieces:
         far = max(three, key=lambda one: one.deviations)
         return undetermined(case, "the bias of the DVL velocity", far.changed("m/s"))
-    more = " more than in the file" if case.in_file else ""
+    more = f" more than {'before' if case.earlier else 'in the file'}" if case.in_file else ""
     return f"DVL velocity has a constant error of {listed(pieces)}{more}."
 
 

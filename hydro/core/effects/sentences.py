@@ -23,6 +23,7 @@ def sentence(
     dt: float,
     *,
     brief: bool = False,
+    earlier: bool = False,
 ) -> str:
     """Return one or two plain sentences that state the values of an effect.
 
@@ -36,6 +37,8 @@ def sentence(
         dt: Sample time of the log [s].
         brief: Whether to leave out standard errors, the file's values and all but the most significant
             component.
+        earlier: Whether the vehicle was fitted to an earlier recording, so that its values are named as
+            earlier ones.
 
     Returns:
         The text, with its full stop.
@@ -46,7 +49,7 @@ def sentence(
     effect = CATALOGUE[effect_name]
     before = next((table for table in vehicle.effect if table.get("name") == effect_name), None)
     given = {key: value for key, value in values.items() if value is not None}
-    case = Case(vehicle, effect_name, given, errors, dt, before, brief)
+    case = Case(vehicle, effect_name, given, errors, dt, before, brief, earlier)
     told = generic(effect, case) if effect.sentence is None else effect.sentence(case)
     return without_uncertainty(told) if brief else told
 

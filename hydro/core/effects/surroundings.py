@@ -237,7 +237,7 @@ def tether_sentence(case: Case) -> str:
         axes = zip(("north", "east", "down"), anchor, strict=True)
         entries += [Entry(f"the {axis} coordinate of the anchor", "", one, "m") for axis, one in axes]
         entries += coordinates("the attachment's", point)
-        return changed("the tether", entries, case.brief)
+        return changed(case, "the tether", entries)
     if not stiffness.clear:
         return undetermined(case, "the stiffness of a tether", stiffness.text("N/m"))
     north, east, down = (one.value for one in anchor)
@@ -289,7 +289,7 @@ def suction_sentence(case: Case) -> str:
             Entry("the upward force at the surface", "", force, "N"),
             Entry("the depth of its decay", "", decay, "m"),
         ]
-        return changed("the suction of the surface", entries, case.brief)
+        return changed(case, "the suction of the surface", entries)
     if not force.clear:
         return undetermined(case, "the suction of the surface", force.text("N"))
     verb = "pulls the vehicle up" if force.value > 0.0 else "pushes the vehicle down"

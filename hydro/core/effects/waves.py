@@ -236,7 +236,7 @@ def waves_sentence(case: Case) -> str:
             Entry("the direction of travel", "", way.times(180.0 / math.pi), "°"),
             Entry("the peak enhancement", "", case.one("peak"), "1"),
         ]
-        return changed("the sea", entries, case.brief)
+        return changed(case, "the sea", entries)
     if not height.clear:
         return undetermined(case, "the significant wave height", height.text("m"))
     heading = compass(math.cos(way.value), math.sin(way.value))

@@ -20,7 +20,6 @@ from hydro.core.diagnosis.model import names_of
 from hydro.core.diagnosis.pipeline import Beyond, diagnose_log
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.settings import FAR_FROM_NOISE, MOST_STEPS
-from hydro.core.diagnosis.status import status, with_sentences
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
@@ -139,9 +138,9 @@ def over(steps: Sequence[Step]) -> str:
             f"step {last.number} predicts {data} worse than step {last.number - 1}, which is the one to use"
         )
     if not (options(last) or is_open(last)):
-        known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
-        words = words if known else "no effect of the catalogue explains the remaining error"
+        if any(one.verdict in UNEXPLAINED for one in last.findings):
+            words = "no effect of the catalogue explains the remaining error"
         return _with_suspects(words, last)
     return f"{MOST_STEPS} steps are the limit" if last.number >= MOST_STEPS else ""
 
@@ -198,7 +197,6 @@ def next_step(
     if recordings.holdout is None and hull is None:
         error = recordings.error(recordings.left_out(tried.vehicle, names_of(tried.tables)))
         ladder.append(left_out_rung(ladder[0], error))
-    rest = part(progress, end, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > FAR_FROM_NOISE
     diagnosis = diagnose_log(
         plain,
@@ -207,12 +205,10 @@ def next_step(
         further=number > 0,
         file=file,
         in_vain=in_vain,
-        progress=rest,
+        beyond=beyond,
+        progress=part(progress, end, 1.0),
         provisional=provisional,
     )
-    if beyond is not None:
-        diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
-    diagnosis = with_sentences(diagnosis, plain, log.record.dt)
     return Step(
         number,
         tried.added,
@@ -223,5 +219,5 @@ def next_step(
         diagnosis.chi2,
         pl.concat(ladder, how="diagonal_relaxed"),
         tried.estimates,
-        status(diagnosis.findings, plain, log.record.dt, None if hull is None else diagnosis.chi2[-1]),
+        diagnosis.status,
     )

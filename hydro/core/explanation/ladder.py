@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.findings import Status
+from hydro.core.diagnosis.findings import Finding, Status, of_table
 from hydro.core.diagnosis.settings import NEGLIGIBLE
 from hydro.core.evaluation.yardsticks import JUDGED, LEVEL, PREDICTORS, column
 from hydro.core.explanation.with_hull import BESIDE, FLOOR
@@ -63,6 +64,15 @@ class Step:
     ladder: pl.DataFrame
     estimates: Estimates | None = None
     status: Status | None = None
+
+    @cached_property
+    def findings(self) -> list[Finding]:
+        """Findings of the diagnosis, in the order of their rank."""
+        return of_table(self.diagnosis)
+
+    def with_values(self, *verdicts: str) -> list[Finding]:
+        """Return the findings with these verdicts that have values, in the order of their rank."""
+        return [one for one in self.findings if one.verdict in verdicts and one.parameters]
 
     def error(self, dataset: str) -> float | None:
         """Return the error of all velocities together, HORIZON ahead [m/s]; None without such data.

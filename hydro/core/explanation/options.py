@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import polars as pl
-
-from hydro.core.diagnosis.findings import LACKING, STATED, tables
+from hydro.core.diagnosis.findings import LACKING, STATED, Finding, tables
 from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.explanation.ladder import Step
@@ -32,16 +30,14 @@ def options(step: Step) -> list[dict[str, Table]]:
     (`is_open`): then all unconfirmed effects are choices too.  New values alone make a step only if the last
     one did not fit these effects.
     """
-    with_values = step.diagnosis.filter(pl.col("parameters") != "").sort("rank")
     if of_change(step):
-        return _change(step, with_values)
-    fitted = {table["name"] for table in step.tables}
-    first = _missing(step)["effect"].to_list()[:1]
-    formulas = _discovered(with_values)
-    suspected = _suspected(step)["effect"].to_list()
+        return _change(step)
+    first = [one.effect for one in step.with_values(*LACKING)][:1]
+    formulas = [one.effect for one in step.with_values(SUSPECTED) if CATALOGUE[one.effect].is_written]
+    suspected = [one.effect for one in _suspected(step)]
     missing = [*suspected, *first, *formulas] if is_open(step) else first or formulas
     retuned = _retuned(step)
-    if not missing and fitted.issuperset(retuned):
+    if not missing and _fitted(step).issuperset(retuned):
         return []
     wanted = [[name, *retuned] for name in dict.fromkeys(missing)] or [retuned]
     return [{table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted]
@@ -68,9 +64,11 @@ def is_open(step: Step) -> bool:
     """
     if of_change(step):
         return False
-    named = pl.concat([_suspected(step), _missing(step)]).sort("rank")
-    decided = not named.is_empty() and named["verdict"][0] != SUSPECTED
-    return not decided and bool(_likely(step) or FAR in step.diagnosis["verdict"])
+    named = [*step.with_values(*LACKING), *_suspected(step)]
+    named.sort(key=step.findings.index)
+    if named and named[0].verdict != SUSPECTED:
+        return False
+    return bool(_likely(step)) or any(one.verdict == FAR for one in step.findings)
 
 
 def is_stated(last: Step, step: Step) -> bool:
@@ -80,7 +78,7 @@ def is_stated(last: Step, step: Step) -> bool:
 
 def states(step: Step, effect: str) -> bool:
     """Return whether the diagnosis of a step confirms that an effect is missing or has new values."""
-    return not step.diagnosis.filter(pl.col("verdict").is_in(STATED), effect=effect).is_empty()
+    return any(one.verdict in STATED and one.effect == effect for one in step.findings)
 
 
 def of_change(step: Step) -> bool:
@@ -88,44 +86,33 @@ def of_change(step: Step) -> bool:
     return not step.ladder.filter(axis=FLOOR).is_empty()
 
 
-def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
+def _change(step: Step) -> list[dict[str, Table]]:
     """Return a choice with the best confirmed change that the step has not fitted; empty without one.
 
     Without a confirmed change it is the best unconfirmed one, if any of these is likely.
     """
-    fitted = {table["name"] for table in step.tables}
-    stated = findings.filter(pl.col("verdict").is_in(STATED))["effect"]
-    names = [name for name in stated if name not in fitted] or _likely(step)
+    stated = [one.effect for one in step.with_values(*STATED) if one.effect not in _fitted(step)]
+    names = stated or _likely(step)
     return [{table["name"]: table for table in tables(step.diagnosis, names[:1])}] if names else []
 
 
-def _missing(step: Step) -> pl.DataFrame:
-    """Return confirmed findings of missing effects, with values, the best first."""
-    stated = pl.col("verdict").is_in(LACKING)
-    return step.diagnosis.filter(pl.col("parameters") != "", stated).sort("rank")
+def _fitted(step: Step) -> set[str]:
+    """Return the names of the effects that were fitted in a step."""
+    return {table["name"] for table in step.tables}
 
 
 def _retuned(step: Step) -> list[str]:
     """Return the existing effects for which the diagnosis has new values, the best first."""
-    return (
-        step.diagnosis.filter(pl.col("parameters") != "", verdict="retune").sort("rank")["effect"].to_list()
-    )
+    return [one.effect for one in step.with_values("retune")]
 
 
-def _suspected(step: Step) -> pl.DataFrame:
+def _suspected(step: Step) -> list[Finding]:
     """Return unconfirmed findings with values that have not been fitted in the step, the best first."""
-    new = ~pl.col("effect").is_in([table["name"] for table in step.tables])
-    return step.diagnosis.filter(pl.col("parameters") != "", new, verdict=SUSPECTED).sort("rank")
+    return [one for one in step.with_values(SUSPECTED) if one.effect not in _fitted(step)]
 
 
 def _likely(step: Step) -> list[str]:
     """Return the effects of the unconfirmed findings, the best first; empty if none of them is likely."""
     suspected = _suspected(step)
-    likely = suspected.filter(pl.col("confidence") >= DOUBTFUL)
-    return [] if likely.is_empty() else suspected["effect"].to_list()
-
-
-def _discovered(findings: pl.DataFrame) -> list[str]:
-    """Return the formula that was discovered beyond the catalogue; empty without one."""
-    formulas = [name for name, effect in CATALOGUE.items() if effect.is_written]
-    return findings.filter(pl.col("effect").is_in(formulas), verdict=SUSPECTED)["effect"].to_list()
+    likely = any(one.confidence >= DOUBTFUL for one in suspected)
+    return [one.effect for one in suspected] if likely else []

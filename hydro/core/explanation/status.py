@@ -7,15 +7,12 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-import polars as pl
-
-from hydro.core import toml_text
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
 from hydro.core.diagnosis.settings import SURE
-from hydro.core.diagnosis.status import status
-from hydro.core.effects.sentences import sentence
+from hydro.core.diagnosis.status import Reference, status
 from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.options import of_change, states
+from hydro.core.residual.hull import Hull
 
 UNCONFIRMED = "unconfirmed"
 """Word for a step whose effect has a confidence below SURE."""
@@ -34,43 +31,51 @@ def retuned(first: Step) -> list[str]:
     """
     if of_change(first):
         return []
-    sure = pl.col("confidence").fill_null(1.0) >= SURE
-    return first.diagnosis.filter(sure, verdict="retune").sort("rank")["effect"].to_list()
+    retuned = [one for one in first.findings if one.verdict == "retune"]
+    return [one.effect for one in retuned if not one.confidence < SURE]  # also without a confidence
 
 
-def study_status(steps: Sequence[Step], chosen: Step, dt: float) -> Status:
-    """Return the overall result of a study: kind, title and sentences; `dt` is the sample time [s]."""
+def study_status(steps: Sequence[Step], chosen: Step, dt: float, hull: Hull | None = None) -> Status:
+    """Return the overall result of a study: kind, title and sentences.
+
+    Args:
+        steps: All steps.
+        chosen: Step to use.
+        dt: Sample time of the recording [s].
+        hull: Hull-force model from a recording before a change; None without one.
+    """
     file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
+    reference = Reference.of(file, dt, hull)
     left = chosen.chi2[-1] if of_change(chosen) else None
-    rest = [one for one in findings(chosen.diagnosis) if one.verdict in (*UNEXPLAINED, "log_fault")]
+    rest = [one for one in chosen.findings if one.verdict in (*UNEXPLAINED, "log_fault")]
     if not tables:
-        unproven = [_unproven(one) for one in findings(chosen.diagnosis)] if len(steps) > 1 else None
-        return status(unproven or findings(chosen.diagnosis), file, dt, left)
+        unproven = [_unproven(one) for one in chosen.findings] if len(steps) > 1 else None
+        return status(unproven or chosen.findings, reference, left)
     names = _corrected(steps, chosen)
     confirmed = [_finding(tables[name], bool(file.effects(name))) for name, sure in names.items() if sure]
     told = [
-        f"{sentence(file, name, *_values(tables[name]), dt, brief=True).rstrip('.')} ({UNCONFIRMED})."
+        f"{reference.sentence(name, *_values(tables[name]), brief=True).rstrip('.')} ({UNCONFIRMED})."
         for name, sure in names.items()
         if not sure
     ]
     if not confirmed:
         remains = ["No effect explains all of the error."] if any(one.effect == "" for one in rest) else []
         return Status("uncertain", "Not certain", (*told, *remains))
-    found = status([*confirmed, *rest], file, dt, left)
+    found = status([*confirmed, *rest], reference, left)
     return replace(
         found, sentences=(*found.sentences[: len(confirmed)], *told, *found.sentences[len(confirmed) :])
     )
 
 
-def corrections(steps: Sequence[Step], chosen: Step, dt: float) -> list[str]:
+def corrections(steps: Sequence[Step], chosen: Step, dt: float, hull: Hull | None = None) -> list[str]:
     """Return a sentence with values and standard errors for each correction of a study, confirmed ones first.
 
-    `dt` is the sample time of the recording [s].
+    The arguments are those of `study_status`.
     """
-    file, tables = steps[0].vehicle, {table["name"]: table for table in chosen.tables}
+    reference, tables = Reference.of(steps[0].vehicle, dt, hull), {one["name"]: one for one in chosen.tables}
     told = []
     for name, sure in _corrected(steps, chosen).items():
-        text = sentence(file, name, *_values(tables[name]), dt)
+        text = reference.sentence(name, *_values(tables[name]))
         told.append(text if sure else f"{text.rstrip('.')} ({UNCONFIRMED}).")
     return told
 
@@ -81,25 +86,6 @@ def _corrected(steps: Sequence[Step], chosen: Step) -> dict[str, bool]:
     known = {name: sure for name, sure in added(steps[: chosen.number + 1]).items() if name in there}
     new = {name: True for name in retuned(steps[0]) if name in there and name not in known}
     return dict(sorted((known | new).items(), key=lambda one: not one[1]))
-
-
-def findings(diagnosis: pl.DataFrame) -> list[Finding]:
-    """Return the rows of a diagnosis table as findings, in the order of their rank.
-
-    Shares, p-values and other numbers that a headline does not need are left out.
-    """
-    return [
-        Finding(
-            row["verdict"],
-            row["effect"],
-            tuple(row["members"]),
-            confidence=float("nan") if row["confidence"] is None else row["confidence"],
-            parameters=toml_text.value(row["parameters"] or "{}"),
-            standard_errors=toml_text.value(row["standard_errors"] or "{}"),
-            advice=row["advice"],
-        )
-        for row in diagnosis.sort("rank").iter_rows(named=True)
-    ]
 
 
 def _unproven(one: Finding) -> Finding:

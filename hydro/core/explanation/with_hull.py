@@ -13,7 +13,6 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
-from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.contenders import Compared
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import unfitted
@@ -51,8 +50,7 @@ def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hul
 
 def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
     """Yield the rows of `with_hull`; those of the later recording have 95 % intervals."""
-    whole = hull.completed(vehicle)
-    compared, beside = Compared.of(log, stable_shots(whole, log), hull, whole)
+    compared, beside = Compared.of(hull.completed(vehicle), log, hull)
     alone = unfitted(vehicle, compared.problem).normal
     shots = compared.problem.shots
     shared = {

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -10,13 +11,13 @@ import pytest
 from recordings import WEAK, damped, flown
 
 from hydro.core.diagnosis.baseline import stable_shots
-from hydro.core.diagnosis.findings import Diagnosis, Finding, Status
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose_log, hull_of
 from hydro.core.diagnosis.settings import SURE
-from hydro.core.diagnosis.status import since_earlier
+from hydro.core.diagnosis.status import Reference, with_sentences
 from hydro.core.residual.completion import Completion
-from hydro.core.residual.hull import learnt
+from hydro.core.residual.hull import Hull, learnt
 from hydro.core.residual.limits import FIT
 from hydro.core.vehicle.description import Vehicle
 
@@ -81,11 +82,14 @@ def test_changed_and_added_effects_stay_and_the_others_are_completed():
     assert both.of(vehicle(given[0], changed, WEAK)) == vehicle(fitted[0], changed, WEAK, fitted[2])
 
 
-def test_sentences_name_the_earlier_value():
-    told = "Surge drag is 1.3 times the file's value (20)."
-    found = Finding("retune", "quadratic_damping", sentence=told)
-    given = replace(Diagnosis((found,), damped(), (1.0, 1.0, 1.0)), status=Status("stated", "One", (told,)))
-    earlier = since_earlier(given)
-    assert earlier.findings[0].sentence == "Surge drag is 1.3 times its earlier value (20)."
-    assert earlier.status is not None
-    assert earlier.status.sentences == (earlier.findings[0].sentence,)
+@pytest.mark.parametrize(("share", "told"), [(1.3, "is 1.3 times its earlier value"), (1.0, "is as before.")])
+def test_sentences_name_the_earlier_value(share, told):
+    """They compare with the values that were fitted to the earlier recording, not with those of the file."""
+    near, file = damped(), far()
+    hull = cast(Hull, SimpleNamespace(completion=Completion(file, near), completed=lambda vehicle: near))
+    diagonal = [share * value for value in near.effects("quadratic_damping")[0]["diagonal"]]
+    found = Finding("retune", "quadratic_damping", parameters={"diagonal": diagonal})
+    answer = with_sentences(Diagnosis((found,), near, (1.0, 1.0, 1.0)), Reference.of(file, 0.02, hull))
+    assert told in answer.findings[0].sentence
+    assert "file" not in answer.findings[0].sentence
+    assert "file" in with_sentences(answer, Reference.of(file, 0.02, None)).findings[0].sentence

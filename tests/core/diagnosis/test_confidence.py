@@ -14,15 +14,13 @@ from hypothesis import strategies as st
 from hydro.core.diagnosis import confidence
 from hydro.core.diagnosis.by_likelihood import excess_share
 from hydro.core.diagnosis.confidence import (
-    discounted_by_largest,
-    discounted_by_unexplained,
     folds,
     lead_confidence,
     left_out_costs,
     left_out_share,
     shared,
-    stated,
 )
+from hydro.core.diagnosis.doubts import discounted_by_largest, discounted_by_unexplained, stated
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
 from hydro.core.prediction.normal_equations import Normal

@@ -6,12 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from hydro.core.diagnosis.doubts import limited_confidence
 from hydro.core.diagnosis.findings import (
     Diagnosis,
     Finding,
     Prediction,
     extended,
-    limited_confidence,
     prediction_of,
     tables,
 )

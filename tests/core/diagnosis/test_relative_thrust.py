@@ -9,7 +9,8 @@ import pytest
 from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.findings import Finding, doubted_gain
+from hydro.core.diagnosis.doubts import doubted_gain
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.settings import DOUBTFUL
 from hydro.core.recording.arrays import recording
 

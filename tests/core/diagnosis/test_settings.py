@@ -17,7 +17,7 @@ MODULES = [
 ]
 ELSEWHERE = {
     "baseline": {"SHOT_LENGTHS"},  # halvings of the usual length
-    "pipeline": {"ANSWERED"},  # progress bar
+    "pipeline": {"NAMED", "CHECKED"},  # progress bar
     "explain": {"TRIED", "COMPARED"},  # progress bar
     "identifiability": {"EXACT", "STATES", "MIDDLE", "REACH", "SPEED"},  # random states of an exact test
     "terms": {"OWN_POWERS", "OTHER_POWERS", "SIZE_POWERS", "AHEAD_POWERS"},  # grids

@@ -11,7 +11,7 @@ from recordings import damped
 
 from hydro.core.diagnosis.findings import Finding, Prediction
 from hydro.core.diagnosis.settings import LIKELY, SURE
-from hydro.core.diagnosis.status import in_words, status
+from hydro.core.diagnosis.status import Reference, in_words, status
 
 STATED = {
     "thruster_gain": {"g": [0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0]},
@@ -47,7 +47,7 @@ CONFIDENCE = st.one_of(st.floats(0.0, 1.0), st.just(math.nan))
 
 @given(findings(), st.sampled_from([None, 0.7, 3.0]))
 def test_a_headline_contradicts_no_finding(found, left):
-    answer = status(found, damped(), 0.02, left)
+    answer = status(found, Reference(damped(), 0.02), left)
     verdicts = {one.verdict for one in found}
     unsure = [one for one in found if one.verdict == "retune" and one.confidence < SURE]
     stated = [one for one in found if one.verdict in ("missing", "retune") and one not in unsure]
@@ -80,17 +80,17 @@ def test_the_headline_counts_the_effects_and_has_a_sentence_for_each():
         Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters=STATED["net_buoyancy"]),
         Finding("retune", "quadratic_damping", ("quadratic_damping",)),
     ]
-    text = status(found, damped(), 0.02).headline
+    text = status(found, Reference(damped(), 0.02)).headline
     assert text.startswith("The model needs 3 corrections: ")
     assert "hruster 4 delivers 70 %" in text
-    assert status(found[:1], damped(), 0.02, 0.7).headline.startswith("1 effect has changed: ")
+    assert status(found[:1], Reference(damped(), 0.02), 0.7).headline.startswith("1 effect has changed: ")
 
 
 @pytest.mark.parametrize("added", [0.31, 0.1, 0.3])
 def test_the_headline_says_that_findings_do_not_lower_the_error(added):
     found = Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters=STATED["net_buoyancy"])
     known = Prediction(5.0, 0.3, added, 0.01, 0.02)
-    text = status([found], damped(), 0.02, prediction=known).headline
+    text = status([found], Reference(damped(), 0.02), prediction=known).headline
     assert text.endswith("it does not lower the held-out prediction error.") == (added == 0.31)
 
 
@@ -101,7 +101,7 @@ def test_the_headline_tells_a_suspicion_where_the_stated_findings_are_refuted():
     )
     for added, told in ((0.31, True), (0.1, False)):
         prediction = Prediction(5.0, 0.3, added, 0.01, 0.02)
-        text = status([known, suspected], damped(), 0.02, prediction=prediction).headline
+        text = status([known, suspected], Reference(damped(), 0.02), prediction=prediction).headline
         assert text.endswith("(possible, 59 %).") == told
 
 
@@ -118,19 +118,19 @@ def test_the_headline_of_a_stated_effect_with_unclear_values_says_that_it_explai
     found = Finding(
         "missing", "net_buoyancy", ("net_buoyancy",), parameters={"dB": 3.0}, standard_errors={"dB": 2.0}
     )
-    text = status([found], damped(), 0.02, 0.7).headline
+    text = status([found], Reference(damped(), 0.02), 0.7).headline
     assert text.startswith("1 effect has changed: Net buoyancy explains a part of the error. ")
 
 
 def test_the_headline_of_undetermined_gains_says_that_they_explain_error():
     found = Finding("missing", "thruster_gain", ("thruster_gain",), parameters=STATED["thruster_gain"])
-    text = status([found], damped(), 0.02).headline
+    text = status([found], Reference(damped(), 0.02)).headline
     assert "Thruster gain explains a part of the error. Thrusters 1 to 8 are not determined" in text
 
 
 def test_the_headline_shows_a_formula_instead_of_the_weight_that_it_replaces():
     formula = Finding("suspect", "formula", ("formula",), parameters={"forces": ["X u^3"], "force": [-300.0]})
     weight = Finding("suspect", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -30.0}, confidence=0.02)
-    text = status([formula, weight, Finding("none_of_the_known")], damped(), 0.02).headline
+    text = status([formula, weight, Finding("none_of_the_known")], Reference(damped(), 0.02)).headline
     assert "heavier" not in text
     assert text.endswith("(possible).")

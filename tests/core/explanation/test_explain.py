@@ -217,7 +217,7 @@ def staged(monkeypatch, known):
         monkeypatch.setattr(trials, "_fit_together", together)
         monkeypatch.setattr(trials, "compare", compare)
 
-        def diagnose(vehicle, log, progress, hull, further, file, in_vain, provisional):
+        def diagnose(vehicle, log, progress, hull, further, file, in_vain, beyond, provisional):
             in_vain_of_steps.append(in_vain)
             return Diagnosis(tuple(left.pop(0)), vehicle, (9e9, 9e9, noises.pop(0)))
 
