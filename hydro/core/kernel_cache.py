@@ -22,6 +22,7 @@ from typing import Any
 
 import numba
 from numba.core import caching
+from numba.core.runtime import rtsys
 
 from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
@@ -307,7 +308,10 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
             if _fault_in_existing(self._cache_path):
                 return None
             _announce_compilation(str(Path(self._cache_path).parent))
-            return super().load_overload(sig, target_context)
+            # Numba would first load all that it needs to compile, which takes 0.3 s and machine code does not use.
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception:  # any error of numba with a file that it did not write
             _warn_of_damage(str(Path(self._cache_path).parent))
             return None
