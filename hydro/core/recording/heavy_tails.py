@@ -323,8 +323,8 @@ def _distribution(taps: Array, freedom: float) -> tuple[Array, Array]:
     count = round(FARTHEST / GRID)
     t = np.arange(count) * np.pi / FARTHEST
     whole = np.ones(count)
-    for tap in taps[taps != 0.0]:
-        whole *= _characteristic(t * abs(tap), freedom)
+    for tap, times in zip(*np.unique(np.abs(taps[taps != 0.0]).round(12), return_counts=True), strict=True):
+        whole *= _characteristic(t * tap, freedom) ** times  # a filter has each tap but the middle one twice
     folded = np.fft.irfft(whole)[:count] * 2.0 * (count - 1) / FARTHEST
     return np.arange(count) * FARTHEST / (count - 1), np.maximum(folded, 1e-12)
 
