@@ -1,7 +1,6 @@
 """Cubic spline through samples, the curve of `scipy.interpolate.CubicSpline` with its default ends.
 
-That module is not used where every command would load it: with `scipy.optimize`, which it needs, it takes a tenth
-of a second.
+That module also loads `scipy.optimize`, which takes a tenth of a second of every start of a command.
 
 Source: C. de Boor, A Practical Guide to Splines, 2001, chapter IV ("not-a-knot" ends).
 """
@@ -17,7 +16,7 @@ from hydro.core.columns import Array
 
 
 def cubic_spline(x: Array, y: Array) -> Callable[[Array], Array]:
-    """Return the cubic spline through samples, whose third derivative is continuous at the second and last but one.
+    """Return the cubic spline whose third derivative is continuous at the second sample and the last but one.
 
     Args:
         x: Places of n samples, at least four, increasing, (n,).
@@ -40,6 +39,7 @@ def cubic_spline(x: Array, y: Array) -> Callable[[Array], Array]:
     square, cube = (secant - slope[:-1]) / dx - bend, bend / dx
 
     def at(places: Array) -> Array:
+        """Return the values of the spline at places (m,), (m, k)."""
         i = np.clip(np.searchsorted(x, places, side="right") - 1, 0, len(x) - 2)
         beyond = (places - x[i])[:, None]
         value: Array = ((cube[i] * beyond + square[i]) * beyond + slope[i]) * beyond + y[i]

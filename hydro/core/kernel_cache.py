@@ -308,7 +308,7 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
             if _fault_in_existing(self._cache_path):
                 return None
             _announce_compilation(str(Path(self._cache_path).parent))
-            # Numba would first load all that it needs to compile, which takes 0.3 s and machine code does not use.
+            # Numba's method would first load all that only a compilation needs, which takes 0.3 s.
             rtsys.initialize(target_context)
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
