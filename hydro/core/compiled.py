@@ -22,11 +22,13 @@ from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
 
 from hydro.core import kernel_cache, separate_code
+from hydro.core.compiler_flags import use_plain_messages
 from hydro.core.embedded_code import embed, embedded, outermost
 from hydro.core.kernel_cache import KernelCache
 from hydro.core.kernel_turns import compile_in_turns
 
 F = TypeVar("F", bound=Callable[..., Any])
+use_plain_messages()
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]
