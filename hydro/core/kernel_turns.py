@@ -57,7 +57,7 @@ class Turns:
             try:
                 lock.acquire(timeout=SILENCE)
             except filelock.Timeout:
-                _tell_of_waiting()
+                _announce_waiting()
                 lock.acquire(timeout=LONGEST)
         except (OSError, NotImplementedError):  # `filelock.Timeout` is an OSError, too
             return False
@@ -86,6 +86,6 @@ def compile_in_turns(compiling: Any, turns: Turns) -> None:
 
 
 @functools.cache
-def _tell_of_waiting() -> None:
-    """Tell once that this process waits for another one."""
+def _announce_waiting() -> None:
+    """Print once that this process waits for another one."""
     warnings.warn(WAITING, HydroNotice, stacklevel=2)

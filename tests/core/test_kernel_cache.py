@@ -357,7 +357,7 @@ def test_a_kernel_that_another_process_compiles_is_waited_for_and_loaded(
     lock = first._cache.turns._path
     lock.parent.mkdir(mode=0o700)
     monkeypatch.setattr(kernel_turns, "SILENCE", 0.05)
-    kernel_turns._tell_of_waiting.cache_clear()
+    kernel_turns._announce_waiting.cache_clear()
     looked = threading.Event()
     load = KernelCache._load_overload
 

@@ -96,7 +96,7 @@ def _off_cubic(y: Array, stride: int) -> Array:
 
 
 def _alone(y: Array, stride: int, places: Rows) -> Mask:
-    """Return whether samples are jumps: larger than what is beside them, sharp, and back, (m,).
+    """Return which samples are jumps: sharp, back after the burst, and larger than their neighbours, (m,).
 
     Args:
         y: Samples, (n,).
