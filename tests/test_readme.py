@@ -1,6 +1,7 @@
 """What README.md and docs/api.md tell a newcomer to type exists and runs.
 
 Checked are commands, options, targets, files and functions.  The longest example runs in `test_docs_api`.
+`HYDRO_DEMO` names a folder where `make demo` has run already: its explanation is the README's.
 """
 
 from __future__ import annotations
@@ -92,6 +93,21 @@ def shorter(snippets: str) -> str:
     return snippets
 
 
+def explained(shell: str, demo: Path) -> str:
+    """Return the shell with the study of the demonstration, instead of the command that made the same study.
+
+    Args:
+        shell: Lines of the README.
+        demo: Folder where `make demo` has run, with what it printed in `demo.log` beside it.
+    """
+    command, end = re.findall(r"^(hydro explain (?:.*\\\n)*.*?) -o runs/study(.*\n)", shell, re.MULTILINE)[0]
+    ran = demo.with_name("demo.log").read_text()
+    words = " ".join(command.replace("\\\n", " ").split())
+    assert f"$ {words} -o {demo.name}/study\n" in ran, "the demonstration runs this command"
+    taken = f"mkdir runs && cp -r {shlex.quote(str(demo / 'study'))} runs/study"
+    return shell.replace(f"{command} -o runs/study{end}", f"{taken}\n")
+
+
 def snippets() -> tuple[str, str]:
     """Return all shell of the README, and the Python of both pages that no other test runs."""
     other = API.split("\n## Results\n")[1]
@@ -117,6 +133,8 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     shell, python = snippets()
     both = shorter(f"{shell}\0{python}")
     shell, python = both.split("\0")
+    if there := os.environ.get("HYDRO_DEMO"):
+        shell = explained(shell, Path(there).resolve())
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl", "COLUMNS": "170"}
     printed = []
     (binaries / "hydro").symlink_to(forked.program())

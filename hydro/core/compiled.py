@@ -22,10 +22,13 @@ from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
 
 from hydro.core import kernel_cache, separate_code
+from hydro.core.compiler_flags import use_plain_messages
 from hydro.core.embedded_code import embed, embedded, outermost
 from hydro.core.kernel_cache import KernelCache
+from hydro.core.kernel_turns import compile_in_turns
 
 F = TypeVar("F", bound=Callable[..., Any])
+use_plain_messages()
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -130,6 +133,7 @@ def jit(
             embed(dispatcher, embedded(function, **options))
     if (cache := _cache(function)) is not None:
         dispatcher._cache = cache
+        compile_in_turns(dispatcher, cache.turns)
     return dispatcher  # type: ignore[no-any-return]
 
 
@@ -204,6 +208,7 @@ def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
         callback: Any = CFunc(function, types, locals={}, options={"error_model": "numpy", **counts})
         if (cache := _cache(function)) is not None:
             callback._cache = cache
+            compile_in_turns(callback, cache.turns)
         callback.compile()
         return callback  # type: ignore[no-any-return]
 

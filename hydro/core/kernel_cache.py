@@ -22,14 +22,14 @@ from typing import Any
 
 import numba
 from numba.core import caching
+from numba.core.runtime import rtsys
 
 from hydro.core import separate_code
 from hydro.core.errors import HydroNotice, HydroWarning
+from hydro.core.kernel_turns import SILENCE, Turns
 
 COMPILING = "compiling kernels for this machine, about 15 s, only once"
 """Notice before the first kernels are compiled."""
-SILENCE = 3.0
-"""Longest time without a line during the first compilation [s]."""
 ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
 _MARK = b"hydro-kernel/1 "  # first bytes of a cache file, with the version of its format
 _HEAD = len(_MARK) + 4
@@ -295,9 +295,12 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
             numba.config.CACHE_DIR = before
         stamp = self._impl.locator.get_source_stamp()
         self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base, stamp)
+        self.turns = Turns(Path(self._cache_path) / f"{self._impl.filename_base}.lock")
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function for a signature from the cache; None if it must be compiled.
+
+        While another process compiles it, wait for the result.
 
         Args:
             sig: Numba's types of the arguments.
@@ -307,10 +310,24 @@ class KernelCache(caching.FunctionCache):  # type: ignore[misc]
             if _fault_in_existing(self._cache_path):
                 return None
             _announce_compilation(str(Path(self._cache_path).parent))
-            return super().load_overload(sig, target_context)
+            # Numba's method would first load all that only a compilation needs, which takes 0.3 s.
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                found = self._load_overload(sig, target_context)
+                if found is None and self._has_folder() and self.turns.wait():
+                    found = self._load_overload(sig, target_context)
+                return found
         except Exception:  # any error of numba with a file that it did not write
             _warn_of_damage(str(Path(self._cache_path).parent))
             return None
+
+    def _has_folder(self) -> bool:
+        """Return whether the folder of the kernel's files exists or can be created, and is trustworthy."""
+        try:
+            self._impl.locator.ensure_cache_path()
+        except OSError:
+            return False
+        return _Saving.works
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the compiled function `data` of the signature `sig`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import pickle
@@ -10,6 +11,8 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 import warnings
 import zlib
 from collections.abc import Callable, Iterator
@@ -20,11 +23,13 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from filelock import FileLock
 from modules import imported
 
-from hydro.core import kernel_cache
+from hydro.core import kernel_cache, kernel_turns
 from hydro.core.errors import HydroNotice, HydroWarning
 from hydro.core.kernel_cache import KernelCache
+from hydro.core.kernel_turns import compile_in_turns
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = "kernels-of-a-test"
@@ -329,3 +334,62 @@ def test_a_link_among_the_temporary_files_is_not_followed(
     assert nowhere is None
     assert "kernels are compiled in every run" in line
     assert not any((tmp_path / "aim").iterdir())
+
+
+def in_turns(module: ModuleType, place: Path) -> Any:
+    """Return the function's dispatcher, whose process takes turns with others."""
+    dispatcher = numba.njit(module.twice)
+    dispatcher._cache = KernelCache(module.twice, place)
+    compile_in_turns(dispatcher, dispatcher._cache.turns)
+    return dispatcher
+
+
+def test_a_kernel_that_another_process_compiles_is_waited_for_and_loaded(
+    module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other process is a thread, which holds the lock until it has kept the kernel."""
+    place, _ = found()
+    assert place is not None
+    first, second = in_turns(module, place), in_turns(module, place)
+    alone = numba.njit(module.twice)
+    alone(3.0)
+    result = alone.overloads[(numba.float64,)]
+    lock = first._cache.turns._path
+    lock.parent.mkdir(mode=0o700)
+    monkeypatch.setattr(kernel_turns, "SILENCE", 0.05)
+    kernel_turns._announce_waiting.cache_clear()
+    looked = threading.Event()
+    load = KernelCache._load_overload
+
+    def seen(self: KernelCache, *arguments: Any) -> Any:
+        result = load(self, *arguments)
+        looked.set()
+        return result
+
+    monkeypatch.setattr(KernelCache, "_load_overload", seen)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with FileLock(lock, thread_local=False) as held:
+
+            def keep() -> None:
+                looked.wait()
+                time.sleep(0.2)
+                first._cache.save_overload((numba.float64,), result)
+                held.release()
+
+            other = threading.Thread(target=keep)
+            other.start()
+            assert second(3.0) == 6.0
+            other.join()
+    assert sum(second.stats.cache_hits.values()) == 1
+    assert [str(one.message) for one in caught].count(kernel_turns.WAITING) == 1
+
+
+def test_a_lock_is_released_after_a_compilation_and_after_a_failed_one(module: ModuleType) -> None:
+    place, _ = found()
+    assert place is not None
+    dispatcher = in_turns(module, place)
+    for argument in (3.0, "three"):
+        with contextlib.suppress(numba.TypingError):
+            dispatcher(argument)
+        FileLock(dispatcher._cache.turns._path).acquire(blocking=False)

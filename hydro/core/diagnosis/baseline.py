@@ -318,7 +318,7 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
         return baseline
     allowed = baseline
     for _ in range(2):  # the second time with the file's effects refitted
-        sea = shown(allowed.refitted.vehicle, log.record)
+        sea = shown(allowed.refitted.vehicle, log.record, log.motion)
         if sea is None:
             break
         forces = allowed.refitted.vehicle

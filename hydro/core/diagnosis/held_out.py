@@ -22,7 +22,6 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import replay
-from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.velocity_errors import Squares, axes_by_distance, squares_ahead
 from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import JUDGED
@@ -151,11 +150,10 @@ class _Check:
 
         None if velocity was not measured, so that the error is that of the distance covered.
         """
-        record = self.log.record
-        if axes_by_distance(record).size:
+        record, motion = self.log.record, self.log.motion
+        if motion is None or axes_by_distance(record).size:
             return None
-        motion, pieces = Motion.of(record), Pieces.of(record)
-        both = replay(candidate(self.vehicle), record, motion, pieces, JUDGED, 0)
+        both = replay(candidate(self.vehicle), record, motion, Pieces.of(record), JUDGED, 0)
         if both is None:
             return None
         noise, numbers = both[0].noise.sum(axis=0), both[0].numbers.sum(axis=0)

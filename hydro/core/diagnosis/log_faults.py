@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.settings import MOST_SHOTS
 from hydro.core.errors import DataError
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.prediction.tracking import tracked
@@ -110,6 +112,13 @@ class Preprocessed:
     def noise(self) -> Array:
         """Standard deviation of the white noise of pose and velocity, (12,) [m, rad, m/s, rad/s]."""
         return noise(self.record)
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """Smoothed motion of the recording; None if it is too short to be smoothed."""
+        with suppress(DataError):
+            return Motion.of(self.record)
+        return None
 
     @cached_property
     def sensors(self) -> dict[str, KinematicTest]:

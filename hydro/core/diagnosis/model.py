@@ -14,13 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.settings import ALPHA, DISTINCT, MATERIAL, SMALL_STEP, STEP_GAIN, STEP_SHARE
+from hydro.core.diagnosis.settings import (
+    ALPHA,
+    DISTINCT,
+    MATERIAL,
+    QUICK_STEPS,
+    SMALL_STEP,
+    STEP_GAIN,
+    STEP_SHARE,
+)
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
 from hydro.core.identification.initial_guess import elsewhere
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
+    PRIOR,
     Prior,
     Problem,
     descend,
@@ -31,7 +40,7 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.outcome import Fit, information, with_uncertainty
 from hydro.core.identification.passivity import possible
 from hydro.core.identification.suspects import Suspect
-from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal, bounded_step
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import Free, free
 from hydro.core.recording.shots import kept_evenly
@@ -191,6 +200,26 @@ def continue_fit(model: Model, iterations: int, share: float = STEP_SHARE) -> Mo
     return _settled(
         _descended(unknown, model.problem, iterations, share, normal=model.normal), iterations, share
     )
+
+
+def stepped(model: Model) -> Vehicle:
+    """Return the vehicle of a model, fitted to most of its shots and others, after one step to all of them.
+
+    Such a fit is close to the best values, so one Gauss-Newton step is enough.  If that does not lower the
+    cost, the fit continues from the model's values.
+
+    Raises:
+        Diverges: No step from the values of the model reduces the cost.
+    """
+    unknown, normal, x = model.unknown, model.normal, model.values / model.unknown.scales
+    low, high = (bound / unknown.scales - x for bound in unknown.bounds)
+    information = normal.matrix.sum(axis=0) + PRIOR**-2 * np.eye(len(x))
+    step = bounded_step(information, normal.score.sum(axis=0), low, high)
+    vehicle = unknown.at(unknown.within((x + step) * unknown.scales))
+    cost, _ = model.problem.cost(vehicle, step, normal)
+    if cost <= normal.cost + STEP_GAIN * max(normal.chi2, 1.0):
+        return vehicle
+    return continue_fit(model, QUICK_STEPS // 2).vehicle
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:

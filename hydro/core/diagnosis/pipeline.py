@@ -218,7 +218,8 @@ def without_discrepancy(
     baseline = allowing_for_waves(calm)
     found = chosen_and_reported(baseline, progress, in_vain, provisional)
     if baseline.sea is not None:
-        if found.vehicle != baseline.vehicle and shown(found.vehicle, baseline.log.record) is None:
+        log = baseline.log
+        if found.vehicle != baseline.vehicle and shown(found.vehicle, log.record, log.motion) is None:
             found = chosen_and_reported(calm, progress, in_vain)
         else:
             others = [one for one in found.findings if one.verdict != "nothing_missing"]

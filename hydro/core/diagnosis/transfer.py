@@ -28,7 +28,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import folds, left_out_costs
-from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model
+from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model, stepped
 from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.settings import (
     CORRELATED,
@@ -332,16 +332,15 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     fold, shots = _predicted_together(problem.shots), problem.shots
     fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
-    whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
+    sums, counts = np.zeros((2, len(ahead.starts), 6))
+    numbers = np.unique(fold)
 
     def predicted(number: int) -> Squares:
         """Return the squared errors of the stretches of one fold."""
-        there = continue_fit(whole.over(fold != number), QUICK_STEPS // 2).vehicle
-        return squares_ahead(there, ahead.of(within == number))
+        return squares_ahead(stepped(whole.over(fold != number)), ahead.of(within == number))
 
-    sums, counts = np.zeros((2, len(ahead.starts), 6))
-    numbers = np.unique(fold)
     try:
+        whole = continue_fit(begun(vehicle, fitted, problem, np.zeros((1, 3))), QUICK_STEPS // 2)
         for number, found in zip(numbers, shared(predicted, numbers), strict=True):
             sums[within == number], counts[within == number] = found.sums, found.counts
     except Diverges:

@@ -163,9 +163,9 @@ def p_values(
     highest, most = np.full(FLIPS, -np.inf), max(len(starts) // 2, 1)
     for name, group in groups.items():
         for part in (columns[i : i + most] for columns in group for i in range(0, len(columns), most)):
-            observed, *chance = _deviates(_forms(evidence, given, part, starts, signs), len(part))
-            struck[name] = max(struck[name], float(observed))
-            highest = np.maximum(highest, chance)
+            deviates = _deviates(_forms(evidence, given, part, starts, signs), len(part))
+            struck[name] = max(struck[name], float(deviates[0]))
+            highest = np.maximum(highest, deviates[1:])
     return {
         name: (1.0 + np.count_nonzero(highest >= strength)) / (FLIPS + 1.0)
         for name, strength in struck.items()

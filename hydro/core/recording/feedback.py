@@ -192,9 +192,9 @@ def _robust(X: Array, y: Array) -> tuple[Array, float]:
     size = np.sqrt((X**2).mean(axis=0)) + 1e-300
     unit, ridge = X / size, RIDGE * len(y) * np.eye(X.shape[1])
     for _ in range(ROUNDS):
-        scaled = unit * weight[:, None]
-        gram = scaled.T @ unit + ridge
-        law = np.linalg.solve(gram, scaled.T @ y) / size
+        root = np.sqrt(weight)
+        scaled = unit * root[:, None]
+        law = np.linalg.solve(scaled.T @ scaled + ridge, scaled.T @ (root * y)) / size
         error = np.abs(y - X @ law)
         limit = HUBER * max(1.4826 * float(np.median(error)), least)
         weight = np.minimum(1.0, limit / np.maximum(error, 1e-300))

@@ -77,6 +77,8 @@ PLAUSIBLE = 0.01  # expected number of samples with such an error above which on
 LEVEL = 0.5  # cosine of the pitch below which noise dominates roll and heading
 ANGLES = range(3, 6)
 GRID, FARTHEST = 0.02, 80.0  # step and range of the densities, in units of the scale
+NOTHING = 1e-20
+"""Value of a characteristic function that no longer changes a density, of which 1e-12 is the least."""
 
 
 @dataclass(frozen=True)
@@ -323,8 +325,10 @@ def _distribution(taps: Array, freedom: float) -> tuple[Array, Array]:
     count = round(FARTHEST / GRID)
     t = np.arange(count) * np.pi / FARTHEST
     whole = np.ones(count)
-    for tap in taps[taps != 0.0]:
-        whole *= _characteristic(t * abs(tap), freedom)
+    sizes, times = np.unique(np.abs(taps[taps != 0.0]).round(12), return_counts=True)
+    for size, number in zip(sizes[::-1], times[::-1], strict=True):  # each but the middle one twice
+        some = slice(np.searchsorted(-whole, -NOTHING))  # it falls with t
+        whole[some] *= _characteristic(t[some] * size, freedom) ** number
     folded = np.fft.irfft(whole)[:count] * 2.0 * (count - 1) / FARTHEST
     return np.arange(count) * FARTHEST / (count - 1), np.maximum(folded, 1e-12)
 

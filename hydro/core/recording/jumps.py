@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hydro.core.columns import Array, Mask
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.recording.arrays import LEAST_NOISE
 
 NEIGHBOURS = 3
@@ -48,9 +48,10 @@ def jumping(series: Sequence[Array], bursts: Sequence[int], spacing: float = 0.0
     for stride in bursts:
         for _ in range(PASSES):
             compared = [_off_cubic(part, stride) for part in values]
-            usual, found = _usual(np.concatenate([off for off, _ in compared])), 0
-            for part, flags, (off, alone) in zip(values, odd, compared, strict=True):
-                new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
+            usual, found = _usual(np.concatenate(compared)), 0
+            for part, flags, off in zip(values, odd, compared, strict=True):
+                large = np.flatnonzero(np.abs(off) > JUMP * max(usual, _usual(off)))
+                new = large[_alone(part, stride, large)]
                 flags[new + NEIGHBOURS * stride] = True
                 part[new + NEIGHBOURS * stride] -= off[new]
                 found += new.size
@@ -77,27 +78,40 @@ def _usual(off: Array) -> float:
     return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
 
 
-def _off_cubic(y: Array, stride: int) -> tuple[Array, Mask]:
-    """Return each sample's deviation from the cubic through its neighbours, and whether it is a jump.
+def _off_cubic(y: Array, stride: int) -> Array:
+    """Return each sample's deviation from the cubic through its neighbours.
 
     Args:
         y: Samples, (n,).
         stride: Step between the neighbours: a burst of `stride` samples jumps as one.
 
     Returns:
-        (n - 2 NEIGHBOURS stride,) each, without both ends.
+        (n - 2 NEIGHBOURS stride,), without both ends.
+    """
+    count = max(len(y) - 2 * NEIGHBOURS * stride, 0)
+    off = np.zeros(count)
+    for i, weight in enumerate(OFF[NEIGHBOURS]):
+        off += weight * y[i * stride : i * stride + count]
+    return off
+
+
+def _alone(y: Array, stride: int, places: Rows) -> Mask:
+    """Return which samples are jumps: sharp, back after the burst, and larger than their neighbours, (m,).
+
+    Args:
+        y: Samples, (n,).
+        stride: Step between the neighbours.
+        places: Places of m samples among those of `_off_cubic`, (m,).
     """
     reach = NEIGHBOURS * stride
-    if len(y) <= 2 * reach:
-        return np.zeros(0), np.zeros(0, bool)
-    around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
+    around = y[places[:, None] + np.arange(2 * reach + 1)]
     left = around[:, ::stride] @ OFF.T
     off, beside = left[:, NEIGHBOURS], np.delete(left, NEIGHBOURS, axis=1)
     size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
     edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
     up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
     sharp = np.minimum(up, down) > SHARP * size
-    return off, sharp & (size > ALONE * np.sqrt((beside**2).mean(axis=1))) & (size > BACK * way)
+    return np.asarray(sharp & (size > ALONE * np.sqrt((beside**2).mean(axis=1))) & (size > BACK * way))
 
 
 def _off() -> Array:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Mask
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, jit
 from hydro.core.effects import sensor
 from hydro.core.vehicle.frames import quaternion_kernel, quaternion_product_kernel, rotation
 
@@ -90,6 +90,14 @@ def _cross_matrix(v: Array, out: Array) -> None:
 
 
 @jit
+def _product(a: Array, b: Array, out: Array) -> None:
+    """Write the product of two matrices to `out`, (3, 3) each."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@jit
 def turn(quaternion: Array, twist: Array, out: Array) -> None:
     """Write q exp(twist / 2), the attitude turned about body axes, into `out`.
 
@@ -137,16 +145,25 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
             entries are written.
         R: Output: rotation from body to world halfway between the rows, (3, 3).
     """
-    R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
-    S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    R0, R1, mid, halfway, half, twist = (
+        np.empty(9),
+        np.empty(9),
+        np.empty(4),
+        np.empty(6),
+        np.empty(3),
+        np.empty(3),
+    )
+    S, N, B, square = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     nu, dot, jerk = state[7:13], state[13:19], state[19:25]
     q = state[QUATERNION : QUATERNION + 4]
-    out[:] = state
-    out[7:13] = nu + dt * dot + dt**2 / 2.0 * jerk
-    out[13:19] = dot + dt * jerk
-    halfway = nu + dt / 2.0 * dot + dt**2 / 8.0 * jerk
-    half = dt / 2.0 * nu[3:] + dt**2 / 8.0 * dot[3:] + dt**3 / 48.0 * jerk[3:]
-    twist = dt * nu[3:] + dt**2 / 2.0 * dot[3:] + dt**3 / 6.0 * jerk[3:]
+    copy_kernel(state, out)
+    for i in range(6):
+        out[7 + i] = nu[i] + dt * dot[i] + dt**2 / 2.0 * jerk[i]
+        out[13 + i] = dot[i] + dt * jerk[i]
+        halfway[i] = nu[i] + dt / 2.0 * dot[i] + dt**2 / 8.0 * jerk[i]
+    for i in range(3):
+        half[i] = dt / 2.0 * nu[3 + i] + dt**2 / 8.0 * dot[3 + i] + dt**3 / 48.0 * jerk[3 + i]
+        twist[i] = dt * nu[3 + i] + dt**2 / 2.0 * dot[3 + i] + dt**3 / 6.0 * jerk[3 + i]
     turn(q, half, mid)
     turn(q, twist, out[QUATERNION : QUATERNION + 4])
     quaternion_kernel(q, R0)
@@ -157,15 +174,19 @@ def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
             ends = R0[3 * i + j] * nu[j] + R1[3 * i + j] * out[7 + j]
             out[i] += dt / 6.0 * (ends + 4.0 * R[i, j] * halfway[j])
     _cross_matrix(halfway, S)
-    N[:] = -(R @ S)
+    _product(R, S, N)
+    for i in range(3):
+        for j in range(3):
+            N[i, j] = -N[i, j]
     _cross_matrix(half, S)
-    B[:] = N - N @ S  # effect of the attitude's error at the middle of the row
+    _product(N, S, B)
     _cross_matrix(twist, S)
-    square = S @ S
+    _product(S, S, square)
     for i in range(3):
         for j in range(3):
             one = 1.0 if i == j else 0.0
-            phi[i, ATTITUDE + j] = dt * B[i, j]
+            # effect of the attitude's error at the middle of the row
+            phi[i, ATTITUDE + j] = dt * (N[i, j] - B[i, j])
             phi[ATTITUDE + i, ATTITUDE + j] = one - S[i, j] + 0.5 * square[i, j]
             share, size = one - 0.5 * S[i, j] + square[i, j] / 6.0, dt
             for order in range(3):  # of nu, nu' and nu''
@@ -256,7 +277,8 @@ def rotation_vector(q: Array, measured: Array, out: Array) -> None:
     inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
     quaternion_product_kernel(inverse, measured[0], measured[1], measured[2], measured[3], turned)
     if turned[0] < 0.0:
-        turned[:] = -turned
+        for i in range(4):
+            turned[i] = -turned[i]
     size = math.sqrt(turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
     share = 2.0 * math.atan2(size, turned[0]) / size if size > 1e-12 else 2.0
     for i in range(3):
@@ -336,7 +358,7 @@ def sensor_rows(state: Array, z: Array, seen: Mask, model: Model, e: Array, H: A
     attitude_rows(state, z, seen, e, H)
     for i in range(6):
         if seen[6 + i]:
-            H[6 + i] = model.log[i]
+            copy_kernel(model.log[i], H[6 + i])
             e[6 + i] = z[6 + i] - model.offset[i]
             for j in range(SPEED, ERRORS):
                 e[6 + i] -= model.log[i, j] * state[j + 1]

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array, Mask, Rows
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, jit
 from hydro.core.effects import sensor
 from hydro.core.recording import kinematic_model as kinematics
 from hydro.core.recording.filling import filled
@@ -118,13 +118,24 @@ class _Kept(NamedTuple):
 
 
 @jit
+def _copy(values: Array, out: Array) -> None:
+    """Copy a matrix to `out`, of the same shape.
+
+    Numba compiles the message of an assignment's possible error, which takes longer than all of this module.
+    """
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = values[i, j]
+
+
+@jit
 def _forward(model: Model, state: Array, P: Array, samples: Samples, kept: _Kept) -> float:
     """Filter rows in place, from the prediction (state, P) of the first row to that after the last row.
 
     `kept` stores as many rows as it has space for.  Returns log det S + e' S^-1 e, summed over the rows.
     """
     e, H, PH, delta = np.empty(CHANNELS), np.empty((CHANNELS, ERRORS)), np.empty(ERRORS), np.empty(ERRORS)
-    after, phi, R = np.empty(STATES), np.eye(ERRORS), np.empty((3, 3))
+    after, phi, R, onward = np.empty(STATES), np.eye(ERRORS), np.empty((3, 3)), np.empty((ERRORS, ERRORS))
     cost = 0.0
     for k in range(samples.z.shape[0]):
         kinematics.sensor_rows(state, samples.z[k], samples.seen[k], model, e, H)
@@ -154,9 +165,12 @@ def _forward(model: Model, state: Array, P: Array, samples: Samples, kept: _Kept
                 kept.residual[k, i, 0], kept.residual[k, i, 1] = residual, s
         kinematics.corrected(state, delta, after)
         if k < kept.P.shape[0]:
-            kept.state[k], kept.P[k], kept.H[k] = after, P, H
+            copy_kernel(after, kept.state[k])
+            _copy(P, kept.P[k])
+            _copy(H, kept.H[k])
         kinematics.advance(after, model.dt, state, phi, R)
-        P[:] = phi @ P @ phi.T
+        np.dot(phi, P, onward)
+        np.dot(onward, phi.T, P)
         kinematics.disturb(P, model.density, R, model.dt)
         for a in range(ERRORS):
             for b in range(a):
@@ -190,19 +204,24 @@ def _backward(
     Row k of `out` (85) holds the state, the variances of position, attitude, nu and nu_dot, and the
     covariance (6, 6) of nu_dot.
     """
-    phi, R, ahead = np.eye(ERRORS), np.empty((3, 3)), np.empty(STATES)
-    g = np.empty(ERRORS)
+    phi, R, ahead, back = np.eye(ERRORS), np.empty((3, 3)), np.empty(STATES), np.empty((ERRORS, ERRORS))
+    g, away = np.empty(ERRORS), np.empty(ERRORS)
     for k in range(seen.shape[0] - 1, -1, -1):
         state, P = kept.state[k], kept.P[k]
         kinematics.advance(state, model.dt, ahead, phi, R)
         if score.shape[0]:
             _score(lam, Lam, R, model.dt, score)
-        lam[:] = phi.T @ lam
-        Lam[:] = phi.T @ Lam @ phi
+        np.dot(phi.T, lam, g)
+        copy_kernel(g, lam)
+        np.dot(phi.T, Lam, back)
+        np.dot(back, phi, Lam)
         for a in range(ERRORS):
             for b in range(a):
                 Lam[a, b] = Lam[b, a] = 0.5 * (Lam[a, b] + Lam[b, a])
-        kinematics.corrected(state, -(P @ lam), out[k, :STATES])
+        np.dot(P, lam, away)
+        for a in range(ERRORS):
+            away[a] = -away[a]
+        kinematics.corrected(state, away, out[k, :STATES])
         after = P[:18] - P[:18] @ Lam @ P
         for i in range(18):
             out[k, STATES + i] = after[i, i]
@@ -251,13 +270,15 @@ def _smooth(model: Model, start: Array, samples: Samples, out: Array, score: Arr
     states, covariances = np.empty((blocks, STATES)), np.empty((blocks, ERRORS, ERRORS))
     state, P, none, kept = start.copy(), np.diag(model.prior), _empty(0), _empty(BLOCK)
     for n in range(blocks):
-        states[n], covariances[n] = state, P
+        copy_kernel(state, states[n])
+        _copy(P, covariances[n])
         part = slice(n * BLOCK, min((n + 1) * BLOCK, count))
         _forward(model, state, P, Samples(samples.z[part], samples.seen[part]), none)
     lam, Lam = np.zeros(ERRORS), np.zeros((ERRORS, ERRORS))
     for n in range(blocks - 1, -1, -1):
         part = slice(n * BLOCK, min((n + 1) * BLOCK, count))
-        state[:], P[:] = states[n], covariances[n]
+        copy_kernel(states[n], state)
+        _copy(covariances[n], P)
         _forward(model, state, P, Samples(samples.z[part], samples.seen[part]), kept)
         _backward(model, samples.seen[part], kept, lam, Lam, out[part], score)
 

@@ -117,12 +117,13 @@ class SeaState:
         return {name: float(f"{error:.3g}") for name, error in each}
 
 
-def shown(vehicle: Vehicle, record: Recording) -> SeaState | None:
+def shown(vehicle: Vehicle, record: Recording, motion: Motion | None = None) -> SeaState | None:
     """Return the sea that a recording shows beyond the forces of a vehicle file.
 
     Args:
         vehicle: Vehicle without waves.
         record: Recording.
+        motion: Smoothed motion of the recording, if available.
 
     Returns:
         The sea; None if attitude or velocity is sampled too rarely, the recording is too short, or the
@@ -131,7 +132,7 @@ def shown(vehicle: Vehicle, record: Recording) -> SeaState | None:
     if record.seen is not None and record.seen[:, 3:].mean(axis=0).min() < SAMPLES * record.dt / PERIODS[0]:
         return None
     try:
-        motion = Motion.of(record)
+        motion = motion or Motion.of(record)
     except DataError:  # too short to be smoothed
         return None
     water = water_motion(candidate(vehicle), record, motion)
