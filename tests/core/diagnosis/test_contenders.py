@@ -128,6 +128,17 @@ def test_a_candidate_with_a_large_residual_needs_a_lead_to_be_stated(left, sure)
     assert pair(left, 5.0, 10.0).confidence(10.0) > SURE
 
 
+def test_laws_of_drag_that_fit_as_well_are_one_change_together():
+    """Neither law of drag is sure; a current is out of question."""
+    laws = [rival("linear_damping", 1.0, 3), rival("quadratic_damping", 1.01, 3)]
+    found = change([*laws, rival("cross_axis_drag", 1.1, 3), rival("ocean_current", 1.6, 3)], 1.8)
+    tied, together = found.tied(1.8)
+    assert tied == ("linear_damping", "quadratic_damping")
+    assert found.confidence(1.8) < 0.6 < SURE < together
+    apart = change([laws[0], rival("thruster_gain", 1.01, 3)], 1.8)
+    assert apart.tied(1.8) == (("linear_damping",), apart.confidence(1.8))
+
+
 def test_a_candidate_no_better_than_no_change_has_confidence_0():
     assert pair(1.0, 0.5, 1.001).confidence(1.001) == 0.0
 
