@@ -41,6 +41,7 @@ VERDICTS = {
 OF_CHANGE = {
     "missing": ("Changed", "The {effect} has changed."),
     "suspect": ("Unconfirmed", "The {effect} may have changed; the confidence is below 90 %."),
+    "cannot_tell_apart": ("Ambiguous", "The {members} has changed; this log does not tell which."),
     "nothing_missing": (
         "No change found",
         "No change stands out from the error of the hull-force model.",

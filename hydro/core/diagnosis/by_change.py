@@ -31,7 +31,6 @@ from hydro.core.diagnosis.settings import (
     ABSORBED,
     CHANGED,
     DOUBTFUL,
-    FIT,
     FURTHER,
     MATERIAL,
     MOST_FINDINGS,
@@ -42,6 +41,8 @@ from hydro.core.diagnosis.settings import (
     SUSPECT_SPREAD,
 )
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.damping import LINEAR_DAMPING
+from hydro.core.effects.record import Role
 from hydro.core.errors import listed
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
@@ -279,14 +280,9 @@ class Change:
     def penalty(self, rival: Contender) -> float:
         """Return a rival's penalty for its parameters and for the hull-force error that it absorbs.
 
-        It is in units of the squared residual, as the rival's held-out cost.  If a rival reaches the floor,
-        each parameter costs a share of at most FIT floors, because the rest of the residual was due to the
-        change.  Otherwise no candidate is right, and a parameter costs a share of the whole residual.
+        It is in units of the squared residual, as the rival's held-out cost.
         """
-        absorbs, whole = CATALOGUE[rival.effect].identification.absorbs, float(self.whole.sum())
-        right = min(one.left for one in self.rivals.values()) <= RIGHT * self.floor
-        at_stake = min(whole, FIT * self.floor) if right else whole
-        return NEGLIGIBLE * at_stake * len(rival.model.values) + ABSORBED * absorbs * self.floor
+        return rival.penalty(self.rivals.values(), float(self.whole.sum()), self.floor)
 
     def penalised(self, rival: Contender) -> float:
         """Return a rival's held-out cost plus its penalty, by which rivals are ranked."""
@@ -324,10 +320,34 @@ class Change:
 
         `given` is the squared residual of the file as given, in units of `floor`.
         """
+        return self.wins()[self.best.effect] * lead_confidence(*self.leads, self.lead_by_chance(given))
+
+    def lead_by_chance(self, given: float) -> float:
+        """Return the mean lead of a candidate by chance, in floors.
+
+        `given` is the squared residual of the file as given, in units of `floor`.
+        """
         beyond = max(self.best.left / self.floor - 1.0, 0.0)
         removed = max(given - float(self.whole.sum()) / self.floor, 0.0)
-        by_chance = MATERIAL * (1.0 + removed) + ABSORBED * beyond
-        return self.wins()[self.best.effect] * lead_confidence(*self.leads, by_chance)
+        return MATERIAL * (1.0 + removed) + ABSORBED * beyond
+
+    def tied(self, given: float) -> tuple[tuple[str, ...], float]:
+        """Return the effects of the best one's physics that fit as well, and the probability of this physics.
+
+        Several laws describe the same physics, such as drag, so a recording may show that one of them has
+        changed and not which.  Those fit as well that win some resamples, or that the best leads by no more
+        than chance gives.  The probability is that of `confidence`, for all laws of this physics together.
+
+        `given` is the squared residual of the file as given, in units of `floor`.
+        """
+        chance, wins, best = self.lead_by_chance(given), self.wins(), self.penalised(self.best)
+        behind = {name: (self.penalised(one) - best) / self.floor for name, one in self.rivals.items()}
+        alike = [name for name in self.rivals if _physics(name) == _physics(self.best.effect)]
+        tied = [name for name in alike if wins[name] >= NEGLIGIBLE or behind[name] <= chance]
+        over_next = min((lead for name, lead in behind.items() if name not in alike), default=np.inf)
+        together = sum(wins[name] for name in alike)
+        sure = together * lead_confidence(over_next, self.leads[1], chance)
+        return tuple(sorted(tied, key=behind.__getitem__)), sure
 
     def seen(self, further: bool) -> bool:
         """Return whether the change is large enough to be named.
@@ -342,6 +362,12 @@ class Change:
         """Return the share of resamples of the shots in which each rival is the best, the largest first."""
         shots = len(self.whole)
         return wins({name: one.costs + self.penalty(one) / shots for name, one in self.rivals.items()}, 1)
+
+
+def _physics(name: str) -> str:
+    """Return the family of an effect, that of damping for every law of drag."""
+    effect = CATALOGUE[name]
+    return LINEAR_DAMPING.family if Role.DRAG in effect.roles else effect.family
 
 
 @dataclass(frozen=True)
@@ -406,17 +432,26 @@ def _finding(
         words = f"{advice.having_changed(name, change_of(name, file, fit.free, fit.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, dt)}; {words}"
-    sure = change.confidence(given) * weight_of_values(fit, file, name)
-    sure = limited_confidence(sure, fit.vehicle, name, errors if left <= RIGHT else None)
+    weight = weight_of_values(fit, file, name)
+    tied, together = change.tied(given)
+
+    def limited(confidence: float) -> float:
+        """Return a confidence with the evidence of the values, at most that of the hull-force model."""
+        limits = errors if left <= RIGHT else None
+        return min(limited_confidence(confidence * weight, fit.vehicle, name, limits), most)
+
     found = Finding.of(
         "retune" if known else "missing",
         name,
         (parameters, errors),
         explained_share(change.whole - change.best.costs, change.whole, 1),
-        confidence=min(sure, most),
+        confidence=limited(change.confidence(given)),
         advice=words,
         support=frequency[name],
     )
+    if found.confidence < SURE <= limited(together) and len(tied) > 1:
+        words = f"{advice.separating(tied)}; {words}"
+        return replace(found, verdict="cannot_tell_apart", members=tied, advice=words)
     return unconfirmed(found) if found.confidence < SURE else found
 
 

@@ -7,7 +7,7 @@ components that remove less than their penalty are dropped.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -23,10 +23,13 @@ from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model,
 from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
+    ABSORBED,
     ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
+    DISTINCT,
     FIT,
+    NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
     SIMILAR,
@@ -37,7 +40,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.prior import in_file
-from hydro.core.identification.suspects import Suspect, is_curved, of_entries, shapes, suspects
+from hydro.core.identification.suspects import Suspect, is_curved, of_entries, plainer, shapes, suspects
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
@@ -78,6 +81,23 @@ class Contender:
     def left(self) -> float:
         """Held-out squared residual, summed over all shots."""
         return float(self.costs.sum())
+
+    def penalty(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
+        """Return the penalty of this effect, in units of squared residual.
+
+        Each parameter costs a share of the error that it could absorb: the error that the best rival leaves,
+        but at least FIT floors, because that error is uncertain.  The rest of the residual is due to the
+        change, whichever name it has.  An effect that absorbs hull-force error costs more.
+
+        Args:
+            rivals: All fitted candidates.
+            whole: Held-out squared residual without a change.
+            floor: Squared residual of the hull model on held-out data.
+        """
+        absorbs = CATALOGUE[self.effect].identification.absorbs
+        least = min(one.left for one in rivals)
+        at_stake = min(whole, max(least, FIT * floor))
+        return NEGLIGIBLE * at_stake * len(self.model.values) + ABSORBED * absorbs * floor
 
 
 @dataclass(frozen=True)
@@ -252,6 +272,26 @@ class Contest:
             far = [name for name in fits if CATALOGUE[name].identification.far]
             for name in dict.fromkeys([*closest, *stepwise, *far]):
                 self._join(fits, fits[name].table, ITERATIONS)
+        return self.with_plainer(fits)
+
+    def with_plainer(self, fits: dict[str, Contender]) -> dict[str, Contender]:
+        """Return fits, by effect, together with fits of simpler special cases of the best effect.
+
+        The best has the least penalised held-out cost.  It is left out if the cost of a special case is
+        within DISTINCT standard errors of the difference between shots: a far anchor below the vehicle is
+        then no evidence against a payload.
+        """
+        if not fits:
+            return fits
+        floor, whole = self.compared.floor(self.last), self.compared.cost(self.last.normal.of([]))
+        rivals = list(fits.values())
+        best = min(rivals, key=lambda one: one.left + one.penalty(rivals, whole, floor))
+        fits, simpler = dict(fits), plainer(best.model.vehicle, best.effect, self.last.vehicle)
+        for table in simpler:
+            self._join(fits, table)
+        special = [fits[table["name"]] for table in simpler if table["name"] in fits]
+        if any(not _distinct(one.costs, best.costs) for one in special):
+            del fits[best.effect]
         return fits
 
     def scored_by_one_step(self, tried: Sequence[Suspect]) -> dict[str, Scored]:
@@ -424,6 +464,12 @@ class Contest:
 def _least(fits: Mapping[str, Contender]) -> float:
     """Return the least held-out cost of some fits; infinite without any."""
     return min((fit.left for fit in fits.values()), default=np.inf)
+
+
+def _distinct(costs: Array, least: Array) -> bool:
+    """Return whether costs of S shots exceed others by more than DISTINCT standard errors, (S,) each."""
+    more = costs - least
+    return bool(more.sum() > DISTINCT * np.sqrt(len(more)) * np.std(more))
 
 
 def _is_stepwise(model: Model) -> bool:

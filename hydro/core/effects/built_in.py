@@ -33,6 +33,8 @@ def with_built_in(vehicle: Vehicle, effects: Sequence[str]) -> Vehicle:
     )
     thrusters = tuple(
         msgspec.structs.replace(one, time_constant=max(one.time_constant + later.get("dT", 0.0), 0.0))
+        if one.pushes
+        else one  # a command without thrust, such as that of a rudder, has no lag
         for one in vehicle.thruster
     )
     kept = tuple(table for table in vehicle.effect if table["name"] not in effects)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from hydro.core.effects.record import (
     Shape,
     Table,
 )
-from hydro.core.effects.restoring import push_at, push_down
+from hydro.core.effects.restoring import PAYLOAD, push_at, push_down
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_weight
 from hydro.core.effects.wording import compass, listed, place, quantity
@@ -222,6 +223,23 @@ def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)
 
 
+def hung_weight(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
+    """Return one simpler effect, a new `[[effect]]` table: a payload that pulls as the tether does at NED 0.
+
+    A tether with a far anchor above or below pulls as a weight or a float at the attachment.
+
+    Args:
+        table: The tether's parameters: stiffness `k` [N/m], `slack`, `attachment` and `anchor` [m].
+        vehicle: Not used.
+    """
+    anchor = np.asarray(table["anchor"], float)
+    distance = float(np.linalg.norm(anchor))
+    pull = table.get("k", 0.0) * max(distance - table.get("slack", 0.0), 0.0)
+    place = np.asarray(table.get("attachment", np.zeros(3)), float).tolist()
+    weight = pull * float(anchor[2]) / max(distance, 1e-9)
+    return [{"name": PAYLOAD.name, "w": weight} | dict(zip(("x", "y", "z"), place, strict=True))]
+
+
 def tether_sentence(case: Case) -> str:
     """Return a sentence that states stiffness, slack and anchor of a tether, or a constant pull.
 
@@ -347,7 +365,9 @@ TETHER = Effect(
     ),
     kernel=tether,
     sentence=tether_sentence,
-    identification=Identification(step=1e-2, starts=cables, coarse=without_slack, fine=with_slack),
+    identification=Identification(
+        step=1e-2, starts=cables, coarse=without_slack, fine=with_slack, plainer=hung_weight
+    ),
     advice=Advice(parted_by=(HEADINGS,)),
 )
 SURFACE_SUCTION = Effect(

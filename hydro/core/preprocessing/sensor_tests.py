@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.cubic_spline import cubic_spline
@@ -182,19 +183,20 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         record: The recording.
 
     Returns:
-        One test for each DVL error, by effect name.  Empty if position, attitude or velocity has no samples:
-        a channel without samples was computed from the other two, so the three cannot contradict each other.
+        One test for each DVL error, by effect name.  A position without samples was computed from the
+        velocity, so it shows nothing; depth alone shows the errors of all axes if the vehicle tilts.  Empty
+        without samples of any position, or of a channel of attitude or velocity.
 
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.
     """
-    if record.seen is not None and not record.seen[:, :9].any(axis=0).all():
+    if not _axes(record).any() or not _sampled(record)[3:9].all():
         return {}
     given, log = noise(record), np.zeros(LOG)
     sigma = given.copy()
     for _ in range(REWEIGHTED + 1):
         log, spread, normal = _fitted(record, log, sigma)
-        left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / 3))
+        left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / _axes(record).sum()))
         if (left < OTHERWISE).all():
             break
         # A position with fixes rarer than rows has larger errors than its row-to-row noise.
@@ -210,6 +212,16 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
             test = replace(test, missed=(_squares(without) - _squares(normal)) / max(normal.chi2, 1.0))
         tests[name] = test
     return tests
+
+
+def _sampled(record: Recording) -> NDArray[np.bool_]:
+    """Return which of the twelve channels of pose and velocity have samples, (12,)."""
+    return np.ones(12, np.bool_) if record.seen is None else record.seen.any(axis=0)
+
+
+def _axes(record: Recording) -> NDArray[np.bool_]:
+    """Return which coordinates of the position were measured, (3,): underwater often depth alone."""
+    return _sampled(record)[:3]
 
 
 def _squares(normal: Normal) -> float:
@@ -268,7 +280,7 @@ def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array
             f"hold velocity against pose; record at least {LEAST_PIECES * PIECE_SECONDS:g} s"
         )
     gram, shared, squares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-    rows = 3 * round(PIECE_SECONDS / record.dt)
+    rows = int(_axes(record).sum()) * round(PIECE_SECONDS / record.dt)
 
     def less(share: float) -> Normal:
         """Return the problem with a share of the noise contribution subtracted."""
@@ -319,6 +331,7 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
     # Variance of the filtered noise: of the position, and of the velocity summed up by trapezoids.
     summed = 0.5 * dt**2 / (1.0 - keep)
     weight = 1.0 / np.sqrt(sigma[:3] ** 2 * 2.0 / (1.0 + keep) + wander**2 * summed)
+    weight[~_axes(record)] = 0.0
     noisy = np.concatenate([turned, -mount[None]])
     shared = np.einsum("jab,b,kcb->jkac", noisy, sigma[6:9] ** 2, noisy)
     shared[-1, -1] = 0.0

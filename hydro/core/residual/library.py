@@ -103,7 +103,8 @@ def terms(flow: Flow) -> Array:
 def sizes(vehicle: Vehicle) -> Array:
     """Return the prior standard deviations of the coefficients of F library terms on each axis, (F, 6).
 
-    They follow from the hull's box, buoyancy and water density; the terms have the order of `terms`.
+    They follow from the hull's box, buoyancy and water density; the terms have the order of `terms`.  They
+    are 0 for forces that weight and buoyancy cannot exert, such as a heave force of the pitch angle.
     """
     box, rho = vehicle.hull, vehicle.environment.water_density
     lever = 0.5 * box.length
@@ -116,21 +117,43 @@ def sizes(vehicle: Vehicle) -> Array:
     trim = np.full(4, UNEVEN * vehicle.buoyancy.force)
     size = np.concatenate([first, upper, both, trim])
     uneven = _mirrored()[:, None] != MIRRORED
-    return np.asarray(size[:, None] * arm * np.where(uneven, UNEVEN, 1.0))
+    found = size[:, None] * arm * np.where(uneven, UNEVEN, 1.0)
+    found[-RESTING:-1][~_restoring()] = 0.0
+    return np.asarray(found)
 
 
 def precision(count: int) -> Array:
     """Return the prior precision of coefficients in units of `sizes`, six axes for each term, (count, count).
 
     The mass matrix of a body and of the water that it accelerates is symmetric (Fossen 2011, property 6.1).
-    So the coefficients of accelerations are symmetric too, within UNEVEN of their sizes.
+    So the coefficients of accelerations are symmetric too, within UNEVEN of their sizes.  Those of gravity
+    are the same for the three forces, and antisymmetric for the moments (Fossen 2011, eq. 4.6), as closely.
     """
     out = np.eye(count)
     for i in range(AXES):
         for j in range(i):
-            one, other = (AXES + i) * AXES + j, (AXES + j) * AXES + i
-            out[np.ix_([one, other], [one, other])] += UNEVEN**-2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+            _tie(out, (AXES + i) * AXES + j, (AXES + j) * AXES + i)
+    down = count - RESTING * AXES
+    for i in range(3):
+        for j in range(i):
+            _tie(out, down + i * AXES + i, down + j * AXES + j)
+            _tie(out, down + i * AXES + 3 + j, down + j * AXES + 3 + i, -1.0)
     return out
+
+
+def _tie(precision: Array, one: int, other: int, sign: float = 1.0) -> None:
+    """Add to a prior precision that one coefficient is `sign` times another, within UNEVEN of their sizes."""
+    both = np.array([1.0, -sign])
+    precision[np.ix_([one, other], [one, other])] += UNEVEN**-2 * np.outer(both, both)
+
+
+def _restoring() -> NDArray[np.bool_]:
+    """Return on which axes each component of the vector down may act: weight and buoyancy, (3, 6).
+
+    A force acts along the vector, a moment about the two axes normal to its component (Fossen 2011, eq. 4.6).
+    """
+    along = np.eye(3, dtype=np.bool_)
+    return np.hstack([along, ~along])
 
 
 def _mirrored() -> NDArray[np.bool_]:

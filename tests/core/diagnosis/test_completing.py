@@ -16,10 +16,12 @@ from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose_log, hull_of
 from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import Reference, with_sentences
+from hydro.core.effects.built_in import with_built_in
+from hydro.core.prediction.candidate import candidate
 from hydro.core.residual.completion import Completion
 from hydro.core.residual.hull import Hull, learnt
 from hydro.core.residual.limits import FIT
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Thruster, Vehicle
 
 MASS, DRAG = {"name": "added_mass"}, {"name": "quadratic_damping"}
 
@@ -80,6 +82,17 @@ def test_changed_and_added_effects_stay_and_the_others_are_completed():
     assert both.of(vehicle(*fitted)) == vehicle(*fitted)
     changed = DRAG | {"diagonal": [9.0] * 6}
     assert both.of(vehicle(given[0], changed, WEAK)) == vehicle(fitted[0], changed, WEAK, fitted[2])
+
+
+def test_a_lag_is_that_of_thrusters_and_not_of_the_servo_of_a_fin():
+    """Such a vehicle stays one that its file accepts."""
+    near = damped()
+    steered = msgspec.structs.replace(near, thruster=(*near.thruster, Thruster(name="c9", curve="none")))
+    late = msgspec.structs.replace(steered, effect=({"name": "thruster_lag", "dT": 0.1},))
+    whole = with_built_in(late, ["thruster_lag"])
+    assert whole.thruster[-1] == steered.thruster[-1]
+    assert whole.thruster[0].time_constant == pytest.approx(near.thruster[0].time_constant + 0.1)
+    assert candidate(whole)
 
 
 @pytest.mark.parametrize(("share", "told"), [(1.3, "is 1.3 times its earlier value"), (1.0, "is as before.")])

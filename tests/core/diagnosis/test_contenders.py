@@ -19,7 +19,7 @@ from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.model import Model, passive
-from hydro.core.diagnosis.settings import NEGLIGIBLE, SURE
+from hydro.core.diagnosis.settings import FIT, NEGLIGIBLE, SURE
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.passivity import accepted
 from hydro.core.prediction.normal_equations import Normal
@@ -70,6 +70,35 @@ def test_a_drag_formula_must_reduce_the_residual_more_than_a_weight_to_win(
     assert change([much, both[1]], whole).best.effect == drag
 
 
+@given(FLOORS, st.floats(0.0, 0.5), st.integers(1, 6), st.integers(1, 6), st.floats(10.0, 1000.0))
+def test_a_parameter_costs_a_share_of_the_error_that_the_best_rival_leaves(left, gain, fewer, more, times):
+    """The rest of the residual is due to the change, however large it was."""
+    few, many = rival("net_buoyancy", left, fewer), rival("payload", (1.0 - gain) * left, fewer + more)
+    found = change([few, many], times * max(left, FIT))
+    at_stake = max((1.0 - gain) * left, FIT)
+    assert (found.best is many) is (gain * left > NEGLIGIBLE * more * at_stake)
+
+
+@pytest.mark.parametrize(("off", "names"), [(0.1, ["payload"]), (0.5, ["payload", "tether"])])
+def test_a_tether_with_a_far_anchor_below_must_be_distinct_from_a_payload(monkeypatch, off, names):
+    """Its pull is that of a weight at the attachment."""
+    far = {"name": "tether", "k": 0.1, "attachment": [0.2, 0.1, 0.0], "anchor": [0.0, 0.0, 80.0]}
+    tied = msgspec.structs.replace(damped(), effect=(*damped().effect, far))
+    noise = np.random.default_rng(0).normal(scale=0.5, size=SHOTS)
+    tether = Contender("tether", cast(Any, SimpleNamespace(values=np.zeros(8), vehicle=tied)), np.ones(SHOTS))
+
+    def join(contest: Contest, fits: dict[str, Contender], table: Any) -> None:
+        assert table == {"name": "payload", "w": pytest.approx(8.0), "x": 0.2, "y": 0.1, "z": 0.0}
+        costs = 1.0 + off + noise - noise.mean()
+        fits["payload"] = Contender("payload", cast(Any, SimpleNamespace(values=np.zeros(5))), costs)
+
+    monkeypatch.setattr(Contest, "_join", join)
+    compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: 50.0 * SHOTS)
+    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
+    contest = Contest(cast(Any, compared), cast(Any, last))
+    assert sorted(contest.with_plainer({"tether": tether})) == names
+
+
 def pair(left: float, ahead: float, whole: float) -> Change:
     """A best that leaves so many floors, and a next as large that leaves some more."""
     return change([rival("net_buoyancy", left, 1), rival("command_delay", left + ahead, 1)], whole)
@@ -97,6 +126,17 @@ def test_a_candidate_with_a_large_residual_needs_a_lead_to_be_stated(left, sure)
     """Where it leaves more than a model that is right, another that leaves almost as much could be it."""
     assert (pair(left, 0.3, 10.0).confidence(10.0) > SURE) is sure
     assert pair(left, 5.0, 10.0).confidence(10.0) > SURE
+
+
+def test_laws_of_drag_that_fit_as_well_are_one_change_together():
+    """Neither law of drag is sure; a current is out of question."""
+    laws = [rival("linear_damping", 1.0, 3), rival("quadratic_damping", 1.01, 3)]
+    found = change([*laws, rival("cross_axis_drag", 1.1, 3), rival("ocean_current", 1.6, 3)], 1.8)
+    tied, together = found.tied(1.8)
+    assert tied == ("linear_damping", "quadratic_damping")
+    assert found.confidence(1.8) < 0.6 < SURE < together
+    apart = change([laws[0], rival("thruster_gain", 1.01, 3)], 1.8)
+    assert apart.tied(1.8) == (("linear_damping",), apart.confidence(1.8))
 
 
 def test_a_candidate_no_better_than_no_change_has_confidence_0():

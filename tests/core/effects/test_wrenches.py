@@ -14,6 +14,7 @@ from strategies import numbers, spd_matrices, states, vectors, velocities
 
 from hydro.core.effects import assemble, effect_wrenches
 from hydro.core.effects.restoring import weight_or_moment
+from hydro.core.effects.surroundings import hung_weight
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.rigid_body import coriolis_matrix
 
@@ -289,6 +290,16 @@ def test_zero_is_absence(data):
         {"name": "fluid_memory", "K": [[0.0] * 6], "rates": [2.0]},
     ):
         close(wrench(effect, eta, nu), np.zeros(6), atol=1e-9)
+
+
+@given(states(), vectors(3, 1.0), numbers(0.0, 5.0), st.sampled_from([-1.0, 1.0]))
+def test_a_tether_to_a_far_anchor_above_or_below_is_a_payload(state, at, pull, side):
+    eta, nu = state
+    anchor = [0.0, 0.0, side * 1e7]
+    table = {"name": "tether", "k": pull / 1e7, "attachment": at.tolist(), "anchor": anchor}
+    (hung,) = hung_weight(table, BARE)
+    assert hung["w"] == pytest.approx(side * pull)
+    close(wrench(table, eta, nu), wrench(hung, eta, nu), atol=1e-4)
 
 
 @given(states(), vectors(3, 1.0), numbers(-40.0, 40.0))

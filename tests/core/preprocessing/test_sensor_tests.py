@@ -70,6 +70,30 @@ def test_each_fault_shows_with_its_values_and_no_other_does(effect, key, value, 
         assert vetoed(test, claim) == (name != effect)
 
 
+def by_depth(record: Recording, missing: slice = slice(0, 2)) -> Recording:
+    """Return a recording without samples of some channels, by default of north and east."""
+    seen, eta = np.ones((record.rows, 12), bool), record.eta.copy()
+    seen[:, missing], eta[:, :2] = False, 0.0
+    return Recording(**{**vars(record), "eta": eta, "seen": seen})
+
+
+@pytest.mark.parametrize(("effect", "key", "value"), [FAULTS[0], FAULTS[1], FAULTS[3]])
+def test_depth_alone_shows_a_fault_on_every_axis_if_the_vehicle_tilts(effect, key, value):
+    tests = kinematic_tests(by_depth(logged(**{key: value})))
+    assert {name for name, test in tests.items() if shown(test)} == {effect}
+    found = tests[effect]
+    assert (np.abs(found.estimate - value) < 4.0 * found.standard_error).all()
+    assert (found.standard_error < 0.05).all()
+
+
+def test_depth_alone_shows_nothing_where_nothing_is_wrong():
+    tests = kinematic_tests(by_depth(logged(seed=5)))
+    assert tests
+    assert not [name for name, test in tests.items() if shown(test)]
+    assert kinematic_tests(by_depth(logged(seed=5), slice(0, 3))) == {}
+    assert kinematic_tests(by_depth(logged(seed=5), slice(6, 7))) == {}
+
+
 def test_faults_that_come_together_are_told_apart():
     tests = kinematic_tests(logged(d=0.1, alpha=(0.0, 0.0, 0.1), b=(0.0, 0.03, 0.0)))
     there = {"sensor_delay", "sensor_misalignment", "sensor_bias"}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recordings import damped
 
 from hydro.core.residual.free_law import FreeLaw
-from hydro.core.residual.library import UNEVEN, precision
+from hydro.core.residual.library import RESTING, UNEVEN, precision, sizes
 
 SHOTS, ROWS, COEFFICIENTS = 12, 20, 5
 
@@ -50,12 +51,32 @@ def test_a_change_does_not_absorb_the_error_of_a_coefficient_that_only_it_excite
     assert (change * error).sum() / (change**2).sum() > 0.7  # with the coefficient held
 
 
+def costs(first, second):
+    """Return the prior's cost of two coefficients of the library, both 1, and of 1 and -1."""
+    prior = precision(sizes(damped()).size)
+    equal, apart = np.zeros((2, len(prior)))
+    equal[[first, second]], apart[[first, second]] = 1.0, [1.0, -1.0]
+    return equal @ prior @ equal, apart @ prior @ apart
+
+
 def test_the_prior_keeps_coefficients_of_accelerations_symmetric():
     """A sway force of roll acceleration costs as much alone as apart from the roll moment of sway's."""
-    prior = precision(6 * 12)
     sway, roll = (6 + 3) * 6 + 1, (6 + 1) * 6 + 3  # coefficients of p_dot in Y and of v_dot in K
-    equal, apart = np.zeros(72), np.zeros(72)
-    equal[[sway, roll]], apart[[sway, roll]] = 1.0, [1.0, -1.0]
-    assert equal @ prior @ equal == pytest.approx(2.0)
-    assert apart @ prior @ apart == pytest.approx(2.0 + 4.0 * UNEVEN**-2)
-    assert (prior[:36] == np.eye(72)[:36]).all()
+    assert costs(sway, roll) == (pytest.approx(2.0), pytest.approx(2.0 + 4.0 * UNEVEN**-2))
+    size = sizes(damped()).size
+    assert (precision(size)[:36] == np.eye(size)[:36]).all()
+
+
+def test_weight_and_buoyancy_exert_one_force_and_the_moment_of_one_lever():
+    """No other wrench depends on the direction of gravity, such as a heave force of pitch."""
+    size, each = sizes(damped()), np.eye(3)
+    prior = precision(size.size)[-RESTING * 6 : -6, -RESTING * 6 : -6] - np.eye(18)
+    restoring = np.hstack([2.0 * each, [np.cross([0.3, -0.2, 0.5], one) for one in each]])
+    possible = size[-RESTING:-1] > 0.0
+    assert (possible == (restoring != 0.0)).all()
+    amounts = np.where(possible, restoring / np.where(possible, size[-RESTING:-1], 1.0), 0.0)
+    assert amounts.ravel() @ prior @ amounts.ravel() == pytest.approx(0.0, abs=1e-9)
+    for other in np.argwhere(possible):
+        away = amounts.copy()
+        away[tuple(other)] += 1.0
+        assert away.ravel() @ prior @ away.ravel() >= 0.99 * UNEVEN**-2
