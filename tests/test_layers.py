@@ -50,7 +50,7 @@ LEVELS = {
         ("effects",),
         ("vehicle",),
         ("thrust_curves",),
-        ("cubic_spline", "leaky_sum", "local_polynomials"),
+        ("leaky_sum", "local_polynomials"),
         ("columns",),
         ("toml_text", "seeds"),
         ("threads",),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 
 from hydro.core.columns import Array
 
@@ -49,10 +50,10 @@ def savitzky_golay(values: Array, width: int, degree: int, *, deriv: int = 0, dt
     Returns:
         The smoothed samples, or their derivatives per s^`deriv`, in the shape of `values`.
     """
-    weights, half = savitzky_golay_weights(width, degree, deriv=deriv, dt=dt), width // 2
-    inner = [np.convolve(one, weights, "valid") for one in values.reshape(len(values), -1).T]
-    out = np.empty(values.shape)
-    out[half : len(values) - half] = np.stack(inner, axis=1).reshape(-1, *values.shape[1:])
+    out = scipy.ndimage.convolve1d(
+        values, savitzky_golay_weights(width, degree, deriv=deriv, dt=dt), axis=0, mode="constant"
+    )
+    half = width // 2
     out[:half] = _at_samples(values[:width], degree, deriv)[:half] / dt**deriv
     out[-half:] = _at_samples(values[-width:], degree, deriv)[-half:] / dt**deriv
     return np.asarray(out)

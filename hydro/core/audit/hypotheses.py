@@ -222,10 +222,8 @@ def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
         for axis in range(AXES):
             squares = np.maximum(np.diagonal(found.gram[axis])[own], 1e-300)
             likeness[i] += found.arms[axis, i] * found.score[axis, own] / np.sqrt(squares)
-    best = np.abs(likeness).argmax(axis=1)
-    if len(np.unique(best)) < count:
-        best = scipy.optimize.linear_sum_assignment(-np.abs(likeness))[1]
-    yield tuple(map(int, best))
+    rows, columns = scipy.optimize.linear_sum_assignment(-np.abs(likeness))
+    yield tuple(int(columns[i]) for i in np.argsort(rows))
 
 
 def _order(found: Balance, column: tuple[int, ...]) -> Order:

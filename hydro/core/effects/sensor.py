@@ -10,14 +10,13 @@ as in a position that was integrated from the DVL, they agree with each other, a
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.cubic_spline import cubic_spline
 from hydro.core.effects.case import Case, Quantity
 from hydro.core.effects.phrases import along_body, displaced, undetermined
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
@@ -27,6 +26,9 @@ from hydro.core.effects.words import CHIRP, DISTANCES, DRIFT, HEADINGS, a_headin
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation, skew
 from hydro.core.vehicle.plausible import between, within_box
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 # DVL errors as a row of numbers, filled by the effects.
 SCALE = slice(0, 3)
@@ -243,10 +245,10 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
     if len(t) < 2 or np.array_equal(moments, t):
         return values
     inside = np.clip(moments, t[0], t[-1])
+    if len(t) > SHORT:
+        return np.asarray(_spline(t, values, -2)(inside))
     by_time = np.moveaxis(values, -2, 0)
-    flat = by_time.reshape(len(t), -1)
-    short = len(t) <= SHORT
-    taken = _weights(t.tobytes(), inside.tobytes()) @ flat if short else _spline(t, flat)(inside)
+    taken = _weights(t.tobytes(), inside.tobytes()) @ by_time.reshape(len(t), -1)
     return np.moveaxis(taken.reshape(by_time.shape), 0, -2)
 
 
@@ -254,16 +256,13 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
 def _weights(t: bytes, moments: bytes) -> Array:
     """Return the weights of spline interpolation between times, (N, N), shared by all shots of a fit."""
     times = np.frombuffer(t)
-    return np.asarray(_spline(times, np.eye(len(times)))(np.frombuffer(moments)))
+    return np.asarray(_spline(times, np.eye(len(times)), 0)(np.frombuffer(moments)))
 
 
-def _spline(t: Array, values: Array) -> Callable[[Array], Array]:
-    """Return the cubic spline through values (N, k) at times (N,); through 3 or 2, a parabola or a line."""
-    if len(t) > 3:
-        return cubic_spline(t, values)
+def _spline(t: Array, values: Array, axis: int) -> CubicSpline:
     from scipy.interpolate import CubicSpline
 
-    return CubicSpline(t, values)  # type: ignore[no-any-return]
+    return CubicSpline(t, values, axis=axis)
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from hydro.core.columns import Array, Mask
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
 from hydro.core.recording.filling import slope_noise, unshown
 from hydro.core.recording.shots import CHANNELS
-from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler, quaternion_product
+from hydro.core.vehicle.frames import euler_from_quaternion
 
 STEEP = 0.3
 """Cosine of the pitch below which roll and heading are not smoothed: they jump at the vertical."""
@@ -90,20 +91,16 @@ def turned(attitude: Array) -> Array:
     Args:
         attitude: phi, theta, psi of n consecutive rows, (n, 3) [rad].
     """
-    q = quaternion_from_euler(*attitude.T)
-    step = quaternion_product(q[:-1] * [1.0, -1.0, -1.0, -1.0], *q[1:].T)
-    step *= np.where(step[:, :1] < 0.0, -1.0, 1.0)
-    size = np.linalg.norm(step[:, 1:], axis=1)
-    angle = np.where(size > 0.0, 2.0 * np.arctan2(size, step[:, 0]) / np.where(size > 0.0, size, 1.0), 2.0)
-    return np.concatenate([np.zeros((1, 3)), (angle[:, None] * step[:, 1:]).cumsum(axis=0)])
+    R = scipy.spatial.transform.Rotation.from_euler("ZYX", attitude[:, ::-1])
+    steps = (R[:-1].inv() * R[1:]).as_rotvec()
+    return np.concatenate([np.zeros((1, 3)), steps.cumsum(axis=0)])
 
 
 def _turned_back(attitude: Array, correction: Array) -> Array:
     """Return phi, theta, psi, (N, 3) [rad], of attitudes after small turns about body axes, (N, 3) [rad]."""
-    half = 0.5 * np.linalg.norm(correction, axis=1)
-    vector = 0.5 * np.sinc(half / np.pi)[:, None] * correction  # sin(half) along the axis
-    turned = quaternion_product(quaternion_from_euler(*attitude.T), np.cos(half), *vector.T)
-    return euler_from_quaternion(turned)
+    turn = scipy.spatial.transform.Rotation
+    R = turn.from_euler("ZYX", attitude[:, ::-1]) * turn.from_rotvec(correction)
+    return euler_from_quaternion(np.roll(R.as_quat(), 1, axis=1))
 
 
 def _doubt(record: Recording, sigma: Array) -> Array:

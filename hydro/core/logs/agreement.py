@@ -18,6 +18,7 @@ from itertools import pairwise
 
 import msgspec
 import numpy as np
+import scipy
 
 from hydro.core.columns import Array, Mask
 from hydro.core.logs import conventions
@@ -348,24 +349,8 @@ def _turns(attitudes: Array) -> Array:
     vectors = axial * (angle / np.where(sine > 0.0, sine, 1.0) + (sine == 0.0))[..., None]
     large = cosine < 0.0  # near a half turn, the axial vector does not determine the axis
     if large.any():
-        vectors[large] = angle[large, None] * _axes(step[large], cosine[large], axial[large])
+        vectors[large] = scipy.spatial.transform.Rotation.from_matrix(step[large]).as_rotvec()
     return np.asarray(vectors)
-
-
-def _axes(turn: Array, cosine: Array, axial: Array) -> Array:
-    """Return the axes of turns by more than a quarter, from the symmetric part of their matrices, (n, 3).
-
-    Args:
-        turn: Rotation matrices, (n, 3, 3).
-        cosine: Cosines of the angles, at most 0, (n,).
-        axial: Axes times the sines of the angles, which give the sign, (n, 3).
-    """
-    one = cosine[:, None, None]
-    products = (0.5 * (turn + np.swapaxes(turn, 1, 2)) - one * np.eye(3)) / (1.0 - one)
-    most = np.diagonal(products, axis1=1, axis2=2).argmax(axis=1)
-    axes = products[np.arange(len(turn)), most]
-    axes *= (np.where((axes * axial).sum(axis=1) < 0.0, -1.0, 1.0) / np.linalg.norm(axes, axis=1))[:, None]
-    return np.asarray(axes)
 
 
 def _levels(block: Position) -> Mask:

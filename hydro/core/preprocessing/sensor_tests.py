@@ -24,7 +24,6 @@ import scipy
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.cubic_spline import cubic_spline
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sensor import ANGLES, BIAS, DELAY, LEVER, LOG, SCALE
 from hydro.core.errors import DataError
@@ -392,7 +391,7 @@ def _reading(log: Array, mount: Array, turned: Array, nu: Array, t: Array) -> tu
         nu: Logged velocity, (N, 6).
         t: Times [s], (N,).
     """
-    path = cubic_spline(t, nu[:, :3])
+    path = scipy.interpolate.CubicSpline(t, nu[:, :3])
     now, before, after = (path(np.clip(t + log[DELAY] + shift, t[0], t[-1])) for shift in (0.0, -BOX, BOX))
     now -= log[BIAS]
     columns = now @ turned.transpose(0, 2, 1)

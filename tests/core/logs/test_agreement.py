@@ -7,9 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from hydro.core.logs import agreement
 from hydro.core.logs.agreement import Evidence
 from hydro.core.logs.logmap import Position
 
@@ -22,11 +20,3 @@ def test_only_what_was_placed_above_the_surface_is_above_water(share: float):
     evidence = cast(Any, SimpleNamespace(placed=lambda _: place))
     assert Evidence.above_water(evidence, Position(("x", "y", "z"))) == pytest.approx(share)
     assert Evidence.above_water(evidence, None) == 0.0
-
-
-def test_turns_from_row_to_row_are_rotation_vectors_up_to_half_a_turn() -> None:
-    attitudes = Rotation.random(240, random_state=2).as_matrix().reshape(40, 6, 3, 3)
-    steps = np.swapaxes(attitudes[:, :-1], -1, -2) @ attitudes[:, 1:]
-    expected = Rotation.from_matrix(steps.reshape(-1, 3, 3)).as_rotvec().reshape(40, 5, 3)
-    assert np.linalg.norm(expected, axis=-1).max() > 3.0
-    np.testing.assert_allclose(agreement._turns(attitudes), expected, atol=1e-11)
