@@ -18,8 +18,8 @@ from hydro.core.residual.completion import Completion
 from hydro.core.residual.hull import Hull, learnt
 from hydro.core.vehicle.description import Vehicle
 
-FITTED = ("inertia", "damping", "hull")
-"""Families of the file's effects that are fitted: also fins, which hold a torpedo on its course."""
+FITTED = ("inertia", "damping")
+"""Families of the file's effects that are fitted."""
 
 
 def completed(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Hull:
