@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,23 +19,35 @@ from hydro.core.residual.completion import Completion
 from hydro.core.residual.hull import Hull, learnt
 from hydro.core.vehicle.description import Vehicle
 
-FITTED = ("inertia", "damping", "hull")
-"""Families of the file's effects that are fitted: also fins, which hold a torpedo on its course."""
+FITTED = ("inertia", "damping")
+"""Families of the file's effects that are fitted."""
+FINS = (*FITTED, "hull")
+"""Families that are fitted where FITTED is not enough: fins hold a torpedo on its course."""
 
 
 def completed(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Hull:
     """Return the hull-force model learnt about the fitted vehicle, or `hull` if that one predicts better.
+
+    The fins of the file are fitted only where the model about the vehicle with its own fins is not better.
 
     Args:
         vehicle: Vehicle file.
         log: Recording from which the model is learnt.
         hull: Model learnt about the file as given.
     """
-    own = [
-        str(table["name"])
-        for table in vehicle.effect
-        if CATALOGUE[str(table["name"])].family in FITTED and not wholly_known(vehicle, str(table["name"]))
-    ]
+    first, second = (_fitted(vehicle, families) for families in (FITTED, FINS))
+    found = _completed(vehicle, log, hull, first)
+    return _completed(vehicle, log, hull, second) if found is hull and second != first else found
+
+
+def _fitted(vehicle: Vehicle, families: Sequence[str]) -> list[str]:
+    """Return the names of the file's effects of some families whose values are not all known."""
+    names = [str(table["name"]) for table in vehicle.effect]
+    return [name for name in names if CATALOGUE[name].family in families and not wholly_known(vehicle, name)]
+
+
+def _completed(vehicle: Vehicle, log: Preprocessed, hull: Hull, own: Sequence[str]) -> Hull:
+    """Return the model learnt about the vehicle with effects `own` of the file fitted, or `hull`."""
     further = [name for name in LACKING if not vehicle.names(name)]
     try:
         shots = stable_shots(vehicle, log).some(SHOTS)

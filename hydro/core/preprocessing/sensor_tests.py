@@ -215,7 +215,7 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
 
 def _sampled(record: Recording) -> NDArray[np.bool_]:
     """Return which of the twelve channels of pose and velocity have samples, (12,)."""
-    return np.ones(12, np.bool_) if record.seen is None else record.seen.any(axis=0)
+    return np.ones(12, np.bool_) if record.seen is None else np.asarray(record.seen.any(axis=0))
 
 
 def _axes(record: Recording) -> NDArray[np.bool_]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import msgspec
 import numpy as np
 import pytest
 from recordings import WEAK, damped, flown
 
+from hydro.core.diagnosis import completing
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import preprocess
@@ -93,6 +94,20 @@ def test_a_lag_is_that_of_thrusters_and_not_of_the_servo_of_a_fin():
     assert whole.thruster[-1] == steered.thruster[-1]
     assert whole.thruster[0].time_constant == pytest.approx(near.thruster[0].time_constant + 0.1)
     assert candidate(whole)
+
+
+@pytest.mark.parametrize(("enough", "rounds"), [(True, 1), (False, 2)])
+def test_fins_are_fitted_where_the_rest_of_the_file_is_not_enough(monkeypatch, enough, rounds):
+    fin = {"name": "control_surface", "area": 0.4, "position": [-1.0, 0.0, 0.0], "stall": 0.3}
+    tried, given, better = list[list[str]](), cast(Any, object()), cast(Any, object())
+
+    def fitted(vehicle, log, hull, own):
+        tried.append(own)
+        return better if enough or "control_surface" in own else hull
+
+    monkeypatch.setattr(completing, "_completed", fitted)
+    assert completing.completed(damped(fin), cast(Any, None), given) is better
+    assert ["control_surface" in own for own in tried] == [False, True][:rounds]
 
 
 @pytest.mark.parametrize(("share", "told"), [(1.3, "is 1.3 times its earlier value"), (1.0, "is as before.")])
