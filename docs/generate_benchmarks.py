@@ -15,8 +15,8 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 PAGES = (
     "apart", "benchmarks", "challenge", "divergence", "engines", "export", "fins", "future-work", "gpu",
-    "imperfect", "import-figures", "mpc", "paper", "proof", "public-recordings", "rl-figures", "robustness",
-    "scoreboard", "stonefish", "track", "workbench-figures",
+    "imperfect", "import-figures", "mpc", "paper", "paper-recipe", "proof", "public-recordings", "rl-figures",
+    "robustness", "scoreboard", "stonefish", "track", "workbench-figures",
 )  # fmt: skip
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 

@@ -56,7 +56,7 @@ def test_a_replaced_part_above_preprocessing_changes_no_recording(counted, monke
     function, calls = counted
     monkeypatch.setattr(pipeline, "reported", pipeline.reported)
     monkeypatch.setattr(trials.Recordings, "left_out", trials.Recordings.left_out)
-    monkeypatch.setattr("hydro.core.diagnosis.pipeline.answered", pipeline.answered)
+    monkeypatch.setattr("hydro.core.diagnosis.pipeline.predicted", pipeline.predicted)
     for _ in range(2):
         function(VEHICLE, RAW)
     assert len(calls) == 1
