@@ -364,10 +364,8 @@ def _euler(log: SessionLog, block: Attitude, at: Array) -> Array:
     }
     if block.order == "ZYX":
         return rotation(about["X"], about["Y"], about["Z"])
-    first, second, third = (
-        rotation(*(about[one] if one == axis else 0.0 for one in "XYZ")) for axis in block.order
-    )
-    return np.asarray(first @ second @ third)
+    angles = np.stack([about[axis] for axis in block.order], axis=1)
+    return np.asarray(scipy.spatial.transform.Rotation.from_euler(block.order, angles).as_matrix())
 
 
 def _quaternions(log: SessionLog, block: Attitude, at: Array) -> Array:
