@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import msgspec
@@ -18,7 +19,7 @@ import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, wins
-from hydro.core.diagnosis.contenders import Compared, Contender, Contest
+from hydro.core.diagnosis.contenders import Compared, Contender, Contest, leading
 from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -274,8 +275,8 @@ class Change:
         whole = compared.left_out(last.normal.of([]))
         if not rivals:
             return None
-        first = cls(next(iter(rivals.values())), rivals, whole, compared.floor(last))
-        return replace(first, best=min(rivals.values(), key=first.penalised))
+        floor = compared.floor(last)
+        return cls(leading([*rivals.values()], float(whole.sum()), floor), rivals, whole, floor)
 
     def penalty(self, rival: Contender) -> float:
         """Return a rival's penalty for its parameters and for the hull-force error that it absorbs.
@@ -320,7 +321,7 @@ class Change:
 
         `given` is the squared residual of the file as given, in units of `floor`.
         """
-        return self.wins()[self.best.effect] * lead_confidence(*self.leads, self.lead_by_chance(given))
+        return self.wins[self.best.effect] * lead_confidence(*self.leads, self.lead_by_chance(given))
 
     def lead_by_chance(self, given: float) -> float:
         """Return the mean lead of a candidate by chance, in floors.
@@ -340,7 +341,7 @@ class Change:
 
         `given` is the squared residual of the file as given, in units of `floor`.
         """
-        chance, wins, best = self.lead_by_chance(given), self.wins(), self.penalised(self.best)
+        chance, wins, best = self.lead_by_chance(given), self.wins, self.penalised(self.best)
         behind = {name: (self.penalised(one) - best) / self.floor for name, one in self.rivals.items()}
         alike = [name for name in self.rivals if _physics(name) == _physics(self.best.effect)]
         tied = [name for name in alike if wins[name] >= NEGLIGIBLE or behind[name] <= chance]
@@ -358,8 +359,9 @@ class Change:
             return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
+    @cached_property
     def wins(self) -> dict[str, float]:
-        """Return the share of resamples of the shots in which each rival is the best, the largest first."""
+        """Share of the resamples of the shots in which each rival is the best, the largest first."""
         shots = len(self.whole)
         return wins({name: one.costs + self.penalty(one) / shots for name, one in self.rivals.items()}, 1)
 
@@ -419,7 +421,7 @@ def _finding(
         left: Mean squared residual with all changes, in floors.
         most: Greatest confidence, less than 1 if the hull-force model does not describe the vehicle.
     """
-    name, frequency = change.best.effect, change.wins()
+    name, frequency = change.best.effect, change.wins
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
     others = [f"{one} ({part:.0%})" for one, part in frequency.items() if one != name and part >= NEGLIGIBLE]

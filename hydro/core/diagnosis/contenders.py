@@ -100,6 +100,11 @@ class Contender:
         return NEGLIGIBLE * at_stake * len(self.model.values) + ABSORBED * absorbs * floor
 
 
+def leading(rivals: Sequence[Contender], whole: float, floor: float) -> Contender:
+    """Return the rival with the least penalised held-out cost; the arguments are those of `penalty`."""
+    return min(rivals, key=lambda one: one.left + one.penalty(rivals, whole, floor))
+
+
 @dataclass(frozen=True)
 class Compared:
     """Recording after a change, to be corrected for the hull force that the file lacks.
@@ -284,8 +289,7 @@ class Contest:
         if not fits:
             return fits
         floor, whole = self.compared.floor(self.last), self.compared.cost(self.last.normal.of([]))
-        rivals = list(fits.values())
-        best = min(rivals, key=lambda one: one.left + one.penalty(rivals, whole, floor))
+        best = leading([*fits.values()], whole, floor)
         fits, simpler = dict(fits), plainer(best.model.vehicle, best.effect, self.last.vehicle)
         for table in simpler:
             self._join(fits, table)

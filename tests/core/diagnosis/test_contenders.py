@@ -54,7 +54,7 @@ def test_a_further_parameter_must_reduce_the_residual_to_win(name, share, fewer,
     few, many = rival(name, share * whole, fewer), rival(other, share * whole, fewer + more)
     found = change([many, few], whole)
     assert found.best.effect == name
-    assert found.wins() == {name: 1.0, other: 0.0}
+    assert found.wins == {name: 1.0, other: 0.0}
     better = rival(other, (share - 1.1 * NEGLIGIBLE * more) * whole, fewer + more)
     assert change([few, better], whole).best.effect == other
 
