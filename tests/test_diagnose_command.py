@@ -73,6 +73,19 @@ def test_add_leaves_out_suspects_and_says_so(tmp_path: Path, capsys: pytest.Capt
     assert "only unconfirmed effects: body_lift (confidence 50%)" in capsys.readouterr().err
 
 
+def test_add_leaves_out_unsure_new_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The headline states them as not certain, so they are added by name only."""
+    unsure = replace(FOUND[1], confidence=0.86)
+    made = Diagnosis((FOUND[0], unsure), vehicles.read(VEHICLE)[0], (9.0, 5.0, 1.0)).frame()
+    artefact = table.make("diagnosis", made, stage="diagnose", vehicle_text=VEHICLE.read_text())
+    table.write(artefact, tmp_path / "d.parquet")
+    target = tmp_path / "vehicle2.toml"
+    assert cli.main(["add", str(VEHICLE), str(tmp_path / "d.parquet"), "-o", str(target)]) == 0
+    assert "only unconfirmed effects: quadratic_damping (confidence 86%)" in capsys.readouterr().err
+    before = vehicles.read(VEHICLE)[0]
+    assert vehicles.read(target)[0].effects("quadratic_damping") == before.effects("quadratic_damping")
+
+
 def test_add_with_effect_adds_only_the_named_finding(diagnosis: Path, tmp_path: Path) -> None:
     target = tmp_path / "vehicle2.toml"
     line = ["add", str(VEHICLE), str(diagnosis), "--effect", "ocean_current", "-o", str(target)]

@@ -201,9 +201,7 @@ def with_stated(vehicle: Vehicle, table: pl.DataFrame) -> Vehicle:
         vehicle: Vehicle that was diagnosed; the vehicle itself is returned if no finding is confirmed.
         table: Diagnosis table.
     """
-    import polars as pl
+    from hydro.core.diagnosis.findings import extended, of_table, tables
 
-    from hydro.core.diagnosis.findings import STATED, extended, tables
-
-    stated = table.filter(pl.col("verdict").is_in(STATED) & (pl.col("parameters") != ""))
-    return vehicle if stated.is_empty() else extended(vehicle, tables(table))
+    stated = any(one.is_confirmed and one.parameters for one in of_table(table))
+    return extended(vehicle, tables(table)) if stated else vehicle

@@ -9,7 +9,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Prediction
+from hydro.core.diagnosis.findings import UNEXPLAINED, Prediction, of_table, suspects
 
 ADD, EXPLAIN, CORRECT, RUN, COMPARE = "add", "explain", "correct_thrusters", "next_run", "compare"
 FIT = "fit"
@@ -45,7 +45,7 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
         prediction: Errors of predictions before and after; None if they are not known.
     """
     rows = frame.sort("rank").to_dicts()
-    stated = [row for row in rows if row["verdict"] in STATED]
+    stated, unconfirmed = [one for one in of_table(frame) if one.is_confirmed], suspects(frame)
     steps = []
     if any(is_of_thrusters(row) for row in rows):
         stopped = all(row["verdict"] == "log_fault" for row in rows)
@@ -56,7 +56,7 @@ def next_steps(frame: pl.DataFrame, prediction: Prediction | None = None) -> tup
         few = {1: "this correction", 2: "both corrections"}
         count = few.get(len(stated), f"all {len(stated)} corrections")
         steps.append(NextStep(ADD, f"add {count} to the vehicle file"))
-    steps += [step for row in rows for step in _of_finding(row, prediction)]
+    steps += [step for row in rows for step in _of_finding(row, row["effect"] in unconfirmed, prediction)]
     if not steps:
         steps.append(NextStep(COMPARE, "see the errors at other horizons and by regime"))
     if any(row["verdict"] == "not_excited" for row in rows):
@@ -89,9 +89,11 @@ def in_python(step: NextStep) -> str:
     return f"hydro.{step.action}(vehicle, raw)" if step.action != RUN else ""
 
 
-def _of_finding(row: Mapping[str, Any], prediction: Prediction | None) -> Iterator[NextStep]:
+def _of_finding(
+    row: Mapping[str, Any], unconfirmed: bool, prediction: Prediction | None
+) -> Iterator[NextStep]:
     """Yield the step that one finding alone suggests; confirmed findings are added by a common step."""
-    if row["verdict"] == "suspect":
+    if unconfirmed and row["parameters"]:
         name, error = row["effect"], row["error_added"]
         if prediction is None or _unknown(error) or error < prediction.given:
             told = f"add {name.replace('_', ' ')}, if you can confirm it on the vehicle"

@@ -14,6 +14,7 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core import toml_text
+from hydro.core.diagnosis.settings import SURE
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
 from hydro.core.simulation.estimates import Estimates
@@ -51,7 +52,7 @@ Table = tuple[Mapping[str, Any], Mapping[str, Any]]
 LACKING = ("missing", "cannot_tell_apart")
 """Verdicts on confirmed effects that the file lacks."""
 STATED = (*LACKING, "retune")
-"""Verdicts of confirmed findings: `hydro add` adds their values by default."""
+"""Verdicts of findings that may be confirmed, see `Finding.is_confirmed`."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts on error that no effect explains."""
 HEADLINE, PREDICTION = "headline", "prediction"
@@ -123,6 +124,14 @@ class Finding:
         shares, (values, errors) = {"share": middle, "low": low, "high": high}, table
         given = {"members": (effect,), "parameters": values, "standard_errors": errors, **shares, **more}
         return cls(verdict, effect, **given)
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the effect is confirmed, so that `hydro add` adds its values by default.
+
+        New values of an effect of the file need a confidence of SURE, if they have one.
+        """
+        return self.verdict in STATED and not (self.verdict == "retune" and self.confidence < SURE)
 
     @property
     def table(self) -> dict[str, Any]:
@@ -353,7 +362,8 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
 
 def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
     """Return the confidence in each unconfirmed effect of a diagnosis table, by name; NaN if not known."""
-    return {one.effect: one.confidence for one in of_table(diagnosis) if one.verdict == "suspect"}
+    named = [one for one in of_table(diagnosis) if one.verdict in WITH_VALUES]
+    return {one.effect: one.confidence for one in named if not one.is_confirmed}
 
 
 def no_better(

@@ -13,7 +13,7 @@ import numpy as np
 
 from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
-from hydro.core.diagnosis.findings import STATED, WITH_VALUES, Diagnosis, Finding, Prediction, extended
+from hydro.core.diagnosis.findings import WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.settings import FOLDS, RESAMPLES, SHOTS
 from hydro.core.diagnosis.transfer import left_out_squares, resolved
@@ -56,7 +56,7 @@ def predicted(
         replace(one, error_added=check.error(alone[i])) if i in alone else one
         for i, one in enumerate(diagnosis.findings)
     )
-    stated = [i for i in alone if findings[i].verdict in STATED]
+    stated = [i for i in alone if findings[i].is_confirmed]
     if len(stated) == 1:
         after = alone[stated[0]]
     else:

@@ -75,7 +75,7 @@ def status(
     """
     changed = left is not None
     named = [one for one in findings if one.verdict in (*STATED, "suspect")]
-    suspected = [one for one in named if _is_unsure(one)]
+    suspected = [one for one in named if not one.is_confirmed]
     stated = [one for one in named if one not in suspected]
     faults = [f"The log has a fault: {one.advice}." for one in findings if one.verdict == "log_fault"]
     remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > RIGHT)
@@ -114,11 +114,6 @@ def status(
         )
     noise = "The model predicts this log to within its noise."
     return Status("nothing", "Nothing is missing", (noise, *faults))
-
-
-def _is_unsure(one: Finding) -> bool:
-    """Return whether a finding is unconfirmed, or an existing effect with uncertain new values."""
-    return one.verdict == "suspect" or (one.verdict == "retune" and one.confidence < SURE)
 
 
 def _suspicion(suspected: Sequence[Finding], reference: Reference) -> str:

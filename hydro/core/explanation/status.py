@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any
 
 from hydro.core.diagnosis.findings import STATED, UNEXPLAINED, Finding, Status
-from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.status import Reference, status
 from hydro.core.explanation.ladder import Step
 from hydro.core.explanation.options import of_change, states
@@ -31,8 +30,7 @@ def retuned(first: Step) -> list[str]:
     """
     if of_change(first):
         return []
-    retuned = [one for one in first.findings if one.verdict == "retune"]
-    return [one.effect for one in retuned if not one.confidence < SURE]  # also without a confidence
+    return [one.effect for one in first.findings if one.verdict == "retune" and one.is_confirmed]
 
 
 def study_status(steps: Sequence[Step], chosen: Step, dt: float, hull: Hull | None = None) -> Status:

@@ -65,6 +65,16 @@ def test_without_stated_findings_both_errors_are_equal(heavy):
     assert (known.added, known.spread, known.falls) == (known.given, 0.0, False)
 
 
+def test_unsure_new_values_do_not_count_as_added(heavy):
+    """Values that were fitted together with an unconfirmed effect are wrong without it."""
+    damping = {"diagonal": [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]}
+    for sure, added in ((0.86, False), (0.95, True)):
+        unsure = Finding("retune", "linear_damping", parameters=damping, confidence=sure)
+        found = checked(heavy, replace(FOUND, verdict="suspect"), unsure)
+        assert found.findings[1].error_added > 0.0
+        assert (found.prediction.added != found.prediction.given) == added
+
+
 def test_sessions_shorter_than_the_horizon_have_no_prediction(heavy):
     assert checked(heavy.head(1400)).prediction is None
 
