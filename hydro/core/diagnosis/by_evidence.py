@@ -24,7 +24,7 @@ from hydro.core.diagnosis.findings import (
 )
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
-from hydro.core.diagnosis.sensor_errors import sensor_finding
+from hydro.core.diagnosis.sensor_errors import sensor_finding, unstated
 from hydro.core.diagnosis.settings import (
     CLOSEST,
     CONTENDERS,
@@ -58,7 +58,6 @@ from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import change_of
 from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
-from hydro.core.preprocessing.sensor_tests import shown
 from hydro.core.progress import Progress, part
 from hydro.core.residual.allowance import Allowance
 
@@ -106,7 +105,7 @@ class ByEvidence:
 
     def select(self, progress: Progress) -> Named:
         """Return the one change that is named, after the velocity sensor errors that kinematics shows."""
-        baseline, errors = self.baseline, list(_sensor_errors(self.baseline, self.outcome))
+        baseline, errors = self.baseline, list(_sensor_errors(self.baseline))
         read = extended(baseline.vehicle, [one.table for one in errors])
         rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
         there = replace(baseline, vehicle=read, effects=rest)
@@ -137,13 +136,21 @@ class ByEvidence:
         return Diagnosis(tuple(findings), vehicle, (given, refitted, found), estimates)
 
 
-def _sensor_errors(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Yield errors of the velocity sensor that joined the search and that kinematics shows, with values."""
-    for one in outcome.found:
-        test = baseline.sensors.get(one.effect)
-        if test is not None and shown(test):
-            share = baseline.explained(one.rivals[one.effect])
-            yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
+def _sensor_errors(baseline: Baseline) -> Iterator[Finding]:
+    """Yield errors of the velocity sensor that kinematics shows, with values.
+
+    They hold whatever forces act, so the search by likelihood, which did not reach the noise, has no say.
+    """
+    for test in unstated(baseline.sensors, baseline.vehicle):
+        read = extended(baseline.refitted.vehicle, [test.table])
+        own = [name for name in baseline.effects if name != test.effect]
+        try:
+            share = baseline.explained(
+                fit_model(read, own, baseline.problem, baseline.log.track, QUICK_STEPS)
+            )
+        except Diverges:
+            share = 0.0
+        yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
 def by_transfer(baseline: Baseline, progress: Progress) -> Named:

@@ -57,6 +57,11 @@ def refuted(tests: Mapping[str, KinematicTest], effect: str, vehicle: Vehicle) -
     return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
 
+def unstated(tests: Mapping[str, KinematicTest], vehicle: Vehicle) -> list[KinematicTest]:
+    """Return tests that show an error of the velocity sensor that differs from the values of the file."""
+    return [one for one in tests.values() if shown(one) and one.chance(_stated(vehicle, one)) <= VETO]
+
+
 def new_sensor_errors(
     after: Mapping[str, KinematicTest], before: Mapping[str, KinematicTest], vehicle: Vehicle
 ) -> list[KinematicTest]:
@@ -64,12 +69,8 @@ def new_sensor_errors(
 
     An error that could not be tested in the earlier recording is not new.
     """
-    return [
-        test
-        for name, test in after.items()
-        if name in before and shown(test)
-        if test.chance(_stated(vehicle, test)) <= VETO and _differ(test, before[name])
-    ]
+    tested = (one for one in unstated(after, vehicle) if one.effect in before)
+    return [one for one in tested if _differ(one, before[one.effect])]
 
 
 def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) -> bool:

@@ -17,6 +17,7 @@ from hydro.core.diagnosis.findings import Finding, extended
 from hydro.core.diagnosis.settings import SURE
 from hydro.core.diagnosis.transfer import Rival, Survey
 from hydro.core.identification.outcome import Fit
+from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.io import vehicle as files
 
 VEHICLES = Path(__file__).resolve().parents[3] / "datasets" / "vehicles"
@@ -46,6 +47,28 @@ def test_a_payload_at_an_implausible_place_is_only_suspected(lengths: float, ver
     assert finding.verdict == verdict
     assert finding.confidence is not None
     assert (finding.confidence >= SURE) == (verdict == "missing")
+
+
+@pytest.mark.parametrize("stated", [0.0, 0.08])
+def test_a_sensor_error_that_kinematics_shows_is_found_whatever_the_search_chose(stated, monkeypatch):
+    """A DVL scale of 8 %, known to a tenth of a percent, unless the file states it already."""
+    vehicle = files.read(VEHICLES / "auv151.toml")[0]
+    if stated:
+        vehicle = extended(vehicle, [{"name": "sensor_scale", "s": stated}])
+    test = KinematicTest("sensor_scale", np.full(3, 0.08), 1e-6 * np.eye(3), 100, 0.005, 1e5)
+    log = SimpleNamespace(track=np.zeros((1, 4)), record=SimpleNamespace(dt=0.05))
+    shown = SimpleNamespace(
+        vehicle=vehicle,
+        effects=(),
+        sensors={"sensor_scale": test},
+        refitted=SimpleNamespace(vehicle=vehicle),
+        problem=None,
+        log=log,
+        explained=lambda _: 0.5,
+    )
+    monkeypatch.setattr(by_evidence, "fit_model", lambda *_: None)
+    found = list(by_evidence._sensor_errors(cast(Any, shown)))
+    assert [(one.verdict, one.share) for one in found] == ([] if stated else [("missing", 0.5)])
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
