@@ -7,7 +7,7 @@ rest is the hull-force error of the file, until a recording from before the chan
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -52,6 +52,7 @@ from hydro.core.diagnosis.transfer import (
 )
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
+from hydro.core.effects.record import Table
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
@@ -109,7 +110,9 @@ class ByEvidence:
         read = extended(baseline.vehicle, [one.table for one in errors])
         rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
         there = replace(baseline, vehicle=read, effects=rest)
-        return replace(by_transfer(there, part(progress, 0.4, 0.9)), sensor_errors=tuple(errors))
+        joined = (one for one in self.outcome.found if not read.effects(one.effect))
+        near = {one.effect: one.model.vehicle.effects(one.effect)[0] for one in joined}
+        return replace(by_transfer(there, part(progress, 0.4, 0.9), near), sensor_errors=tuple(errors))
 
     def findings(self, named: Named) -> list[Finding]:
         """Return all findings, in the order of the diagnosis.
@@ -153,8 +156,10 @@ def _sensor_errors(baseline: Baseline) -> Iterator[Finding]:
         yield sensor_finding(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
-def by_transfer(baseline: Baseline, progress: Progress) -> Named:
+def by_transfer(baseline: Baseline, progress: Progress, near: Mapping[str, Table]) -> Named:
     """Name the one change that the recording shows best; without one, the result has no findings.
+
+    `near` has tables of fitted effects, from which their fits start.
 
     Candidates are ranked by evidence with the hull force free if the file has drag and the best evidence is
     at least LEAST_EVIDENCE.  Otherwise they are ranked by their score, the share of the held-out error that
@@ -170,7 +175,7 @@ def by_transfer(baseline: Baseline, progress: Progress) -> Named:
     if baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
         baseline = replace(baseline, problem=baseline.problem.coarsened(baseline.refitted.vehicle))
     try:
-        surveyed = survey(baseline, progress)
+        surveyed = survey(baseline, progress, near)
         refitted, known = tempered(baseline, baseline.problem)
         surveyed = ranked_by_evidence(surveyed, baseline, refitted, known)
     except Diverges:  # the file's predictions diverge: no fit can start

@@ -18,7 +18,7 @@ prior would have no weight against ten thousands of correlated residuals.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import Any
@@ -46,7 +46,7 @@ from hydro.core.diagnosis.settings import (
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
-from hydro.core.effects.record import Role
+from hydro.core.effects.record import Role, Table
 from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.evaluation.velocity_errors import Squares, squares_ahead
 from hydro.core.identification.levenberg_marquardt import Prior
@@ -199,12 +199,13 @@ def resolved(problem: OutputError) -> OutputError:
     return problem.weighed(np.maximum(problem.shots.sigma, RESOLUTION))
 
 
-def survey(baseline: Baseline, progress: Progress) -> Survey:
+def survey(baseline: Baseline, progress: Progress, near: Mapping[str, Table]) -> Survey:
     """Fit each effect of the catalogue together with the existing ones; return all fits, the best first.
 
     Each is scored by the error that it removes from held-out data.
 
-    The shots of the baseline start at the measured states.
+    The shots of the baseline start at the measured states.  `near` has tables of effects that are already
+    fitted to them, which are better starting values than the linearised ones.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
     problem = baseline.problem.some(SHOTS // 2)
@@ -228,7 +229,8 @@ def survey(baseline: Baseline, progress: Progress) -> Survey:
             return None
         return _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
 
-    candidates, found = _beginnings(baseline, refitted, known), list(shared(without, own))
+    candidates = _beginnings(baseline, refitted, known) | dict(near)
+    found = list(shared(without, own))
     for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
         progress(f"{name} tested on held-out data", number / len(candidates))
         found.append(rival)

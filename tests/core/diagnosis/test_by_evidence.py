@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.diagnosis import by_evidence
+from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
 from hydro.core.diagnosis.findings import Finding, extended
 from hydro.core.diagnosis.settings import SURE
@@ -69,6 +70,21 @@ def test_a_sensor_error_that_kinematics_shows_is_found_whatever_the_search_chose
     monkeypatch.setattr(by_evidence, "fit_model", lambda *_: None)
     found = list(by_evidence._sensor_errors(cast(Any, shown)))
     assert [(one.verdict, one.share) for one in found] == ([] if stated else [("missing", 0.5)])
+
+
+def test_fits_start_from_values_that_the_search_found(monkeypatch):
+    """A current far from zero is lost from a linearised start; values of the file's effects are its own."""
+    vehicle = files.read(VEHICLES / "auv151.toml")[0]
+    current = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
+    own = vehicle.effect[0]["name"]
+    fitted = SimpleNamespace(vehicle=extended(vehicle, [current]))
+    found = [SimpleNamespace(effect=name, model=fitted) for name in ("ocean_current", own)]
+    baseline = Baseline(vehicle, (own,), *[cast(Any, None)] * 4, sensors={})
+    starts = list[Any]()
+    named = by_evidence.Named((), cast(Any, fitted), None, cast(Any, fitted))
+    monkeypatch.setattr(by_evidence, "by_transfer", lambda *given: starts.append(given[2]) or named)
+    by_evidence.ByEvidence(baseline, cast(Any, SimpleNamespace(found=found))).select(lambda *_: None)
+    assert starts == [{"ocean_current": current}]
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
