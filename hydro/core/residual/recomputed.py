@@ -64,6 +64,8 @@ class Recomputed:
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """Return the least-squares problem linearised about a vehicle, by finite differences.
 
+        A shot whose prediction diverges has an infinite cost.  A derivative that diverges counts as zero.
+
         Args:
             base: The vehicle.
             moved: Copies of the vehicle with one changed parameter each.
@@ -72,12 +74,15 @@ class Recomputed:
         here = self._left(base)
         columns = [(here - self._left(other)) / step for other, step in zip(moved, steps, strict=True)]
         flat = np.stack([*columns, here], axis=-1)
-        flat[~(np.abs(flat) < ENDLESS).all(axis=(1, 2))] = 0.0
+        wild = ~(np.abs(flat) < ENDLESS).all(axis=1)
+        lost = wild[:, -1]
+        flat = np.where((wild | lost[:, None])[:, None, :], 0.0, flat)
         shots = self.transitions.shots
         channels = (here.reshape(len(here), -1, CHANNELS) ** 2).sum(axis=1)
         follow = np.zeros((len(here), CHANNELS, len(columns) + 1))
         compared = shots.residuals if shots.seen is None else shots.seen[:, shots.lead :].sum(axis=(1, 2))
         gram = np.einsum("ski,skj->sij", flat, flat) if self.free is None else self.free.eliminated(flat)
+        gram[lost, -1, -1] = np.inf
         return Normal(gram, np.maximum(compared - CHANNELS, 1.0), channels, follow)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Recomputed]:
