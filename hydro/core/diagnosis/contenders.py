@@ -40,7 +40,15 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.prior import in_file
-from hydro.core.identification.suspects import Suspect, is_curved, of_entries, plainer, shapes, suspects
+from hydro.core.identification.suspects import (
+    Suspect,
+    is_curved,
+    of_entries,
+    plainer,
+    shapes,
+    suspects,
+    with_one_value,
+)
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
@@ -277,7 +285,26 @@ class Contest:
             far = [name for name in fits if CATALOGUE[name].identification.far]
             for name in dict.fromkeys([*closest, *stepwise, *far]):
                 self._join(fits, fits[name].table, ITERATIONS)
-        return self.with_plainer(fits)
+        return self.with_plainer(self.with_one_value(fits))
+
+    def with_one_value(self, fits: Mapping[str, Contender]) -> dict[str, Contender]:
+        """Return fits, by effect, with one value for all thrusters where its penalised held-out cost is less.
+
+        A lower supply voltage, for instance, weakens all thrusters alike.
+        """
+        found, floor = dict(fits), self.compared.floor(self.last)
+        whole = self.compared.cost(self.last.normal.of([]))
+        for name, one in fits.items():
+            table = with_one_value(one.model.vehicle, name, self.last.vehicle)
+            if table is None:
+                continue
+            with suppress(Diverges, np.linalg.LinAlgError):
+                common = self.fitted(table, least=_least(fits))
+                left = [
+                    each.left + each.penalty([*fits.values(), common], whole, floor) for each in (one, common)
+                ]
+                found[name] = common if left[1] < left[0] else one
+        return found
 
     def with_plainer(self, fits: dict[str, Contender]) -> dict[str, Contender]:
         """Return fits, by effect, together with fits of simpler special cases of the best effect.

@@ -51,7 +51,7 @@ from hydro.core.diagnosis.settings import (
 )
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step
-from hydro.core.identification.suspects import is_curved, plainer, shapes, suspects
+from hydro.core.identification.suspects import is_curved, plainer, shapes, suspects, with_one_value
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
@@ -184,7 +184,22 @@ class Search:
                 except Diverges:
                     continue
             least = min(least, beyond_noise(last[name]) + VISIBLE)
-        return self.with_plainer(last, chosen)
+        return self.with_plainer(self.with_one_value(last, chosen), chosen)
+
+    def with_one_value(self, fits: Mapping[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
+        """Return fits, by effect, with one value for all thrusters where the penalised cost is less.
+
+        A lower supply voltage, for instance, weakens all thrusters alike.
+        """
+        found = dict(fits)
+        for name, one in fits.items():
+            table = with_one_value(one.vehicle, name, self.baseline.vehicle)
+            if table is None:
+                continue
+            with suppress(Diverges):
+                common = self._fit(one.vehicle.without(name), [*chosen, table], one.problem, ITERATIONS)
+                found[name] = min(one, common, key=lambda each: float(each.penalised.sum()))
+        return found
 
     def _tell(self, fits: Mapping[str, Model], before: Model) -> None:
         """Report the best of the first fits to `told`, once."""

@@ -52,7 +52,7 @@ from hydro.core.evaluation.velocity_errors import Squares, squares_ahead
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import deviations, in_file, stated
-from hydro.core.identification.suspects import suspects
+from hydro.core.identification.suspects import suspects, with_one_value
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import Free, free
 from hydro.core.progress import Progress
@@ -227,7 +227,10 @@ def survey(baseline: Baseline, progress: Progress, near: Mapping[str, Table]) ->
             model = fit_model(file, [*own, one[1]], problem, reach, QUICK_STEPS, known=released)
         except Diverges:
             return None
-        return _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
+        found = _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
+        table = with_one_value(model.vehicle, name, file)
+        common = beside((name, table)) if table is not None else None
+        return ranked([found] if common is None else [found, common])[0]
 
     candidates = _beginnings(baseline, refitted, known) | dict(near)
     found = list(shared(without, own))

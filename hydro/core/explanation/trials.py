@@ -51,7 +51,7 @@ from hydro.core.explanation.with_hull import with_hull
 from hydro.core.identification.fit import by_equation_error
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
-from hydro.core.identification.suspects import plainer
+from hydro.core.identification.suspects import plainer, with_one_value
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.prediction.weak_form import Windows
@@ -379,7 +379,9 @@ class QuickFits:
         effect, quick = next(iter(found)), self._fit(found)
         rest = {name: table for name, table in found.items() if name != effect}
         given = self.last.vehicle
-        plain = [table for one in quick for table in plainer(one.vehicle, effect, given, itself=True)]
+        plain = [table for one in quick for table in plainer(one.vehicle, effect, given)]
+        common = [with_one_value(one.vehicle, effect, given) for one in quick]
+        plain += [table for table in common if table is not None]
         return [*quick, *(one for table in plain for one in self._fit({table["name"]: table, **rest}))]
 
     def _fit(self, found: Mapping[str, Table]) -> list[Quick]:

@@ -107,7 +107,7 @@ def choice(vehicle: Vehicle, effect: str) -> str:
     return effect if form is None or vehicle.effects(effect) else f"{effect}.{form}"
 
 
-def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = False) -> list[dict[str, Any]]:
+def plainer(vehicle: Vehicle, effect: str, file: Vehicle) -> list[dict[str, Any]]:
     """Return `[[effect]]` tables of simpler effects with nearly the forces of an effect of a vehicle.
 
     Simpler effects that the vehicle has already are left out.
@@ -116,17 +116,28 @@ def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = Fals
         vehicle: The vehicle with the effect.
         effect: Name of the effect.
         file: The vehicle file without the effect.
-        itself: Whether to include the effect itself with fewer parameters, such as one gain for all
-            thrusters.
     """
     reduced = CATALOGUE[effect].identification.plainer
-    if reduced is None:
-        return []
-    return [
-        table
-        for table in reduced(vehicle.effects(effect)[0], file)
-        if not vehicle.effects(table["name"]) or (itself and table["name"] == effect)
-    ]
+    found = reduced(vehicle.effects(effect)[0], file) if reduced is not None else []
+    return [table for table in found if not vehicle.effects(table["name"])]
+
+
+def with_one_value(vehicle: Vehicle, effect: str, file: Vehicle) -> dict[str, Any] | None:
+    """Return the `[[effect]]` table of an effect with one value for all thrusters, such as a common gain.
+
+    Args:
+        vehicle: The vehicle with the effect.
+        effect: Name of the effect.
+        file: The vehicle file.
+
+    Returns:
+        The table; None for an effect without such a form, or of the file, whose values may differ.
+    """
+    reduced = CATALOGUE[effect].identification.plainer
+    if reduced is None or file.effects(effect):
+        return None
+    found = reduced(vehicle.effects(effect)[0], file)
+    return next((table for table in found if table["name"] == effect), None)
 
 
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
