@@ -9,7 +9,7 @@ Data pass through these modules, in the order of `pipeline.diagnose_log`:
 | cut shots, refit the file | `baseline`, `model` | `Baseline` |
 | choose effects by likelihood | `search`, `by_likelihood` | `Outcome` |
 | or one effect by evidence | `transfer`, `by_evidence` | `Named` |
-| or changes with the hull force held | `contenders`, `by_change` | `Changes` |
+| or changes with the hull force held | `contenders`, `by_change`, `onset` | `Changes` |
 | state confidences and doubts | `confidence`, `doubts`, `closed_loop` | `Finding` |
 | name what remains or is not shown | `unexplained`, `identifiability` | `Finding` |
 | check findings on held-out data | `held_out` | `Prediction` |

@@ -25,6 +25,7 @@ from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, held_at, unfitted
 from hydro.core.diagnosis.mounting import with_mounting
+from hydro.core.diagnosis.onset import Onset, onset
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
 from hydro.core.diagnosis.sensor_errors import new_sensor_errors, sensor_finding
@@ -121,7 +122,13 @@ class ByChange:
             self.told(Provisional(first.effect, first.confidence, first.share))
         rounds: Rounds[Changes, Change] = self
         found = grow(rounds, Changes(()), progress)
-        return self.shown(replace(found[0], refused=found[1]))
+        changes = self.shown(replace(found[0], refused=found[1]))
+        last = self._last(changes)
+        return (
+            changes
+            if self.compared.chi2(last) <= 1.0
+            else replace(changes, onset=onset(Contest(self.compared, last)))
+        )
 
     def shown(self, changes: Changes) -> Changes:
         """Return changes with their joint fit; the last goes while its values are likelier unchanged."""
@@ -176,8 +183,10 @@ class ByChange:
             return [*found, _needed_before(changes.found)]
         if changes.fit is not None:
             fit, dt = changes.fit, self.log.record.dt
-            most = 1.0 if compared.hull.describes else DOUBTFUL
+            most = 1.0 if compared.hull.describes and changes.onset is None else DOUBTFUL
             found += [_finding(change, first.vehicle, fit, dt, given, left, most) for change in changes.found]
+        if changes.onset is not None:
+            return [*found, Finding("none_of_the_known", advice=changes.onset.words)]
         words = (
             f"no {'further ' * self.further}change stands out from the error of the hull-force model: the "
             f"error is {np.sqrt(given):.3g} times that before the change, and no effect clearly lowers it"
@@ -380,11 +389,13 @@ class Changes:
         found: The changes, the greatest first.
         refused: The best candidate of the last step, where it was too small to be named; None otherwise.
         fit: Joint posterior of their values; None without changes, and during the search.
+        onset: Change that begins within the recording; None where none stands out.
     """
 
     found: tuple[Change, ...]
     refused: Change | None = None
     fit: Fit | None = None
+    onset: Onset | None = None
 
 
 def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:

@@ -326,14 +326,25 @@ class Contest:
         return fits
 
     def scored_by_one_step(self, tried: Sequence[Suspect]) -> dict[str, Scored]:
+        """Return the score of each effect about the last vehicle, see `scored`."""
+        return self.scored(tried, self.linearised(tried))
+
+    def linearised(self, tried: Sequence[Suspect]) -> Normal:
+        """Return the problem linearised about the last vehicle, with the columns of all candidates."""
+        changed = [vehicle for suspect in tried for vehicle in suspect.changed]
+        steps = [step for suspect in tried for step in suspect.steps]
+        return self.last.problem.linearise(self.last.vehicle, changed, steps)
+
+    def scored(self, tried: Sequence[Suspect], normal: Normal) -> dict[str, Scored]:
         """Return each effect's score by one Gauss-Newton step and the table of that step, the best first.
 
         The score is the share of the held-out squared residual that the step removes, less a small penalty.
         Of several candidates for one effect, the best counts.
+
+        Args:
+            tried: Candidates.
+            normal: Problem with their columns, as of `linearised`.
         """
-        changed = [vehicle for suspect in tried for vehicle in suspect.changed]
-        steps = [step for suspect in tried for step in suspect.steps]
-        normal = self.last.problem.linearise(self.last.vehicle, changed, steps)
         whole, best, at = self.compared.cost(normal.of([])), dict[str, Scored](), 0
         for suspect in tried:
             columns = list(range(at, at + len(suspect.steps)))

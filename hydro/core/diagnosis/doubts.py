@@ -7,6 +7,7 @@
 | formulas may absorb the hull's error | likelihood, above RIGHT | confidence times share over largest share |
 | as much error remains unexplained | likelihood | less confidence; warning |
 | feedback: a disturbance is possible | likelihood | less confidence; see `closed_loop` |
+| a change begins within the recording | earlier recording | confidence at most DOUBTFUL; see `onset` |
 | rates alone show thrust | one recording | confidence at most DOUBTFUL; not confirmed |
 | confidence below SURE | every regime | not confirmed (`stated`) |
 """

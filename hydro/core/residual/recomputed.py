@@ -74,7 +74,7 @@ class Recomputed:
         here = self._left(base)
         columns = [(here - self._left(other)) / step for other, step in zip(moved, steps, strict=True)]
         flat = np.stack([*columns, here], axis=-1)
-        wild = ~(np.abs(flat) < ENDLESS).all(axis=1)
+        wild = np.asarray(~(np.abs(flat) < ENDLESS).all(axis=1))
         lost = wild[:, -1]
         flat = np.where((wild | lost[:, None])[:, None, :], 0.0, flat)
         shots = self.transitions.shots
