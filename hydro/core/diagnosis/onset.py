@@ -1,16 +1,19 @@
-"""Change that begins within a recording, found by one linear step.
+"""Change within a recording, sudden or steady, found by one linear step.
 
 A change is fitted as constant over a recording.  One that begins in the third of four sessions then predicts
 held-out sessions badly in both directions, so that it is named with wrong values or not found at all.  Here
-each effect is fitted to the part after a boundary alone, for every boundary between held-out parts.
+each effect is fitted with a course in time: from each boundary between held-out parts on, or growing at a
+constant rate, such as the loss of thrust while a battery empties.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.diagnosis.contenders import Contest
 from hydro.core.diagnosis.settings import CHANGED, FURTHER
 from hydro.core.effects import CATALOGUE
@@ -20,11 +23,11 @@ from hydro.core.prediction.normal_equations import Normal
 
 @dataclass(frozen=True)
 class Onset:
-    """Beginning of a change within a recording.
+    """Change within a recording.
 
     Attributes:
         effect: Effect that describes the change best by one linear step.
-        place: Where it begins, in words.
+        place: When it changes, in words.
         gain: Share of the held-out squared residual that it removes, of that at the floor at least.
     """
 
@@ -34,49 +37,55 @@ class Onset:
 
     @property
     def words(self) -> str:
-        """Statement of the onset with the next step, for a finding's advice."""
+        """Statement of the change with the next step, for a finding's advice."""
         return (
-            f"the vehicle or the water seems to have changed within the recording: {self.gain:.0%} of the "
-            f"error goes if {self.effect.replace('_', ' ')} changes {self.place}. Values for the whole "
-            "recording then mean little. Diagnose the parts before and after separately, or follow the "
-            "change with `hydro track`"
+            f"the vehicle or the water seems to have changed within the recording: {100.0 * self.gain:.0f} % "
+            f"of the error goes if {self.effect.replace('_', ' ')} changes {self.place}. Values for the "
+            "whole recording then mean little. Diagnose its parts separately, or follow the change with "
+            "`hydro track`"
         )
 
 
 def onset(contest: Contest) -> Onset | None:
-    """Return the beginning of a change that the vehicle of a contest lacks; None where none stands out.
+    """Return the change within a recording that the vehicle of a contest lacks; None where none stands out.
 
     A change stands out if it removes as large a share of the error as a further change must, and CHANGED more
-    than the best effect that acts in the whole recording.
+    than the best effect that is constant in the whole recording.
     """
     compared, vehicle = contest.compared, contest.last.vehicle
     tried = suspects(vehicle, reach=compared.log.track)
     normal = contest.linearised(tried)
-    throughout = max((score for score, _ in contest.scored(tried, normal).values()), default=0.0)
-    least, found = max(throughout, 0.0) + CHANGED, None
+    constant = max((score for score, _ in contest.scored(tried, normal).values()), default=0.0)
+    least, found = max(constant, 0.0) + CHANGED, None
     whole, floor = compared.cost(normal.of([])), compared.floor(contest.last)
-    for number in np.unique(compared.fold)[1:]:
-        scored = contest.scored(tried, _acting(normal, compared.fold >= number))
-        for name, (score, _) in scored.items():
+    for place, course in _courses(contest):
+        for name, (score, _) in contest.scored(tried, _following(normal, course)).items():
             gain = score * whole / max(whole, floor)
             if score > least and gain >= max(FURTHER, CATALOGUE[name].identification.absorbs):
-                least, found = score, Onset(name, _place(contest, int(number)), gain)
+                least, found = score, Onset(name, place, gain)
     return found
 
 
-def _acting(normal: Normal, where: np.ndarray) -> Normal:
-    """Return a linear problem whose parameters act in a part of the shots alone, given by a mask (S,)."""
-    gram = normal.gram.copy()
-    gram[~where, :-1, :] = 0.0
-    gram[~where, :, :-1] = 0.0
-    return replace(normal, gram=gram)
+def _courses(contest: Contest) -> Iterator[tuple[str, Array]]:
+    """Yield courses in time, in words and as factors on a change at each of S shots, (S,).
 
-
-def _place(contest: Contest, number: int) -> str:
-    """Return where a held-out part begins, in words: the session's number, or the time within the session."""
+    A steady change begins at zero, or is zero in the middle where the vehicle has its mean already.
+    """
     shots, fold = contest.compared.problem.shots, contest.compared.fold
-    first = int(np.flatnonzero(fold == number)[0])
     numbers = np.unique(shots.session)
-    if len(numbers) == fold.max() + 1:
-        return f"in session {number + 1} of {len(numbers)}"
-    return f"at t = {shots.record.t[shots.starts[first]]:.0f} s"
+    for beginning in (0.0, -1.0):
+        yield "at a constant rate throughout", np.linspace(beginning, 1.0, len(fold))
+    for number in np.unique(fold)[1:]:
+        first = int(np.flatnonzero(fold == number)[0])
+        time = f"at t = {shots.record.t[shots.starts[first]]:.0f} s"
+        by_session = len(numbers) == fold.max() + 1
+        place = f"in session {number + 1} of {len(numbers)}" if by_session else time
+        yield place, (fold >= number).astype(float)
+
+
+def _following(normal: Normal, course: Array) -> Normal:
+    """Return a linear problem whose parameters follow a course, a factor for each of S shots, (S,)."""
+    gram = normal.gram.copy()
+    gram[:, :-1, :] *= course[:, None, None]
+    gram[:, :, :-1] *= course[:, None, None]
+    return replace(normal, gram=gram)

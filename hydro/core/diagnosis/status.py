@@ -79,6 +79,11 @@ def status(
     stated = [one for one in named if one not in suspected]
     faults = [f"The log has a fault: {one.advice}." for one in findings if one.verdict == "log_fault"]
     remains = any(one.verdict in UNEXPLAINED for one in findings) or (left is not None and left > RIGHT)
+    told_by_change = [
+        f"{one.advice[0].upper()}{one.advice[1:]}."
+        for one in findings
+        if changed and one.advice and one.verdict in UNEXPLAINED
+    ]
     if stated:
         told = [_sentence(one, reference) for one in stated]
         rest = ["An error remains that no effect explains."] if remains else []
@@ -91,16 +96,11 @@ def status(
         best = max(suspected, key=_likely)
         told = [_suspicion(suspected, reference)]
         formula = np.isnan(best.confidence) and not changed  # a formula explains all that effects explain
-        rest = ["No effect explains all of the error."] if remains and not formula else []
+        rest = told_by_change or (["No effect explains all of the error."] if remains and not formula else [])
         return Status("uncertain", "Not certain", (*told, *rest, *faults))
     if remains:
-        earlier = [
-            f"{one.advice[0].upper()}{one.advice[1:]}."
-            for one in findings
-            if changed and one.advice and one.verdict in UNEXPLAINED
-        ]
-        if earlier:
-            return Status("unexplained", "No change can be named", (*earlier, *faults))
+        if told_by_change:
+            return Status("unexplained", "No change can be named", (*told_by_change, *faults))
         return Status(
             "unexplained", "The model does not predict this log, and no effect explains why", tuple(faults)
         )

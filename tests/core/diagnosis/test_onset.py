@@ -41,6 +41,19 @@ def test_a_thruster_that_weakens_between_sessions_is_dated(weakened, hull):
     assert any("session 3 of 4" in sentence for sentence in found.status.sentences)
 
 
+def test_thrust_that_falls_steadily_is_told(hull):
+    """The gains of four sessions fall from 1 to 0.4."""
+    falling = [
+        flown({"name": "thruster_gain", "g": [-0.2 * number] * 8}, seed=20).filter(
+            pl.col("session") == f"s{number}"
+        )
+        for number in range(4)
+    ]
+    found = begun(pl.concat(falling), hull)
+    assert found.effect == "thruster_gain"
+    assert found.place == "at a constant rate throughout"
+
+
 @pytest.mark.parametrize("changes", [(), (WEAK,)], ids=["unchanged", "weak throughout"])
 def test_a_constant_vehicle_has_no_onset(hull, changes):
     assert begun(flown(*changes, seed=20), hull) is None
