@@ -122,13 +122,13 @@ class ByChange:
             self.told(Provisional(first.effect, first.confidence, first.share))
         rounds: Rounds[Changes, Change] = self
         found = grow(rounds, Changes(()), progress)
-        changes = self.shown(replace(found[0], refused=found[1]))
+        return self.with_onset(self.shown(replace(found[0], refused=found[1])))
+
+    def with_onset(self, changes: Changes) -> Changes:
+        """Return changes with the one within the recording, sought where they leave more than the floor."""
         last = self._last(changes)
-        return (
-            changes
-            if self.compared.chi2(last) <= 1.0
-            else replace(changes, onset=onset(Contest(self.compared, last)))
-        )
+        begun = onset(Contest(self.compared, last)) if self.compared.chi2(last) > 1.0 else None
+        return replace(changes, onset=begun)
 
     def shown(self, changes: Changes) -> Changes:
         """Return changes with their joint fit; the last goes while its values are likelier unchanged."""

@@ -54,6 +54,7 @@ def test_the_best_change_is_reported_after_the_first_fits(monkeypatch):
         return {}
 
     monkeypatch.setattr(Contest, "fits", contend)
+    monkeypatch.setattr(by_change, "onset", lambda contest: None)
     told: list[Provisional] = []
     known = cast(Any, None)
     by_change.ByChange(known, cast(Any, compared), cast(Any, first), 4.0, told=told.append).select(silent)
