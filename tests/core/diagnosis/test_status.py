@@ -134,3 +134,12 @@ def test_the_headline_shows_a_formula_instead_of_the_weight_that_it_replaces():
     text = status([formula, weight, Finding("none_of_the_known")], Reference(damped(), 0.02)).headline
     assert "heavier" not in text
     assert text.endswith("(possible).")
+
+
+def test_a_change_within_the_recording_is_told_beside_an_unconfirmed_name():
+    """Values of the whole recording then mean little, so the headline must say it."""
+    unsure = Finding("suspect", "net_buoyancy", parameters=STATED["net_buoyancy"], confidence=0.4)
+    within = Finding("none_of_the_known", advice="the vehicle seems to have changed within the recording")
+    answer = status([unsure, within], Reference(damped(), 0.02), 3.0)
+    assert answer.kind == "uncertain"
+    assert answer.sentences[1] == "The vehicle seems to have changed within the recording."
