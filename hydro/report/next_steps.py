@@ -10,6 +10,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.diagnosis.findings import UNEXPLAINED, Prediction, of_table, suspects
+from hydro.core.experiment.advice import advises_adding
 
 ADD, EXPLAIN, CORRECT, RUN, COMPARE = "add", "explain", "correct_thrusters", "next_run", "compare"
 FIT = "fit"
@@ -93,7 +94,7 @@ def _of_finding(
     row: Mapping[str, Any], unconfirmed: bool, prediction: Prediction | None
 ) -> Iterator[NextStep]:
     """Yield the step that one finding alone suggests; confirmed findings are added by a common step."""
-    if unconfirmed and row["parameters"]:
+    if unconfirmed and row["parameters"] and advises_adding(row["advice"]):
         name, error = row["effect"], row["error_added"]
         if prediction is None or _unknown(error) or error < prediction.given:
             told = f"add {name.replace('_', ' ')}, if you can confirm it on the vehicle"

@@ -16,8 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recordings import damped
 
+from hydro.core.diagnosis.doubts import unconfirmed
 from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
 from hydro.core.diagnosis.status import Reference, status
+from hydro.core.experiment.advice import ADD, adding
 from hydro.report import diagnosis
 from hydro.report.diagnosis import Context
 from hydro.report.following import Call, next_file, pasted, quoted
@@ -56,7 +58,7 @@ def answer(
 
 
 def missing(name: str, **more) -> Finding:
-    given = {"confidence": 0.97, "share": 0.6, "low": 0.5, "high": 0.7, "members": (name,)}
+    given = {"confidence": 0.97, "share": 0.6, "low": 0.5, "high": 0.7, "members": (name,), "advice": ADD}
     return Finding("missing", name, parameters=VALUES[name], **(given | more))
 
 
@@ -238,6 +240,17 @@ def test_a_diagnosis_that_continued_is_not_repeated():
     assert (first.words, in_python(first)) == (MEND, "")
     text = answer([fault, missing("payload")], call=replace(CALL, output="d.parquet"))
     assert pasted_from(text) == ["hydro add 'my vehicle.toml' d.parquet -o 'my vehicle-1.toml'"]
+
+
+@pytest.mark.parametrize(
+    ("change", "action"), [(-0.01, "compare"), (-0.2, "add")], ids=["half a sample", "ten samples"]
+)
+def test_an_effect_that_the_log_may_cause_is_not_to_be_added(change, action):
+    """Thrusters quicker by half a sample: the log writes commands so, and nothing is to be changed."""
+    words = adding("thruster_lag", {"dT": change}, 0.02)
+    unsure = Finding("suspect", "thruster_lag", parameters={"dT": change}, confidence=0.3, advice=words)
+    steps = next_steps(Diagnosis((unconfirmed(unsure),), damped(), (9.0, 5.0, 1.0)).frame(), None)
+    assert [one.action for one in steps] == [action]
 
 
 def needed_before() -> Finding:

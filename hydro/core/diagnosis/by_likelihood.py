@@ -304,7 +304,7 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Yield a finding for the damping without which the file's predictions diverge, if it was added."""
     for name in baseline.effects:
         if not baseline.vehicle.effects(name):
-            words = advice.suspecting(name, "without it the predicted motion diverges")
+            words = advice.suspecting(name, f"{advice.ADD}; without it the predicted motion diverges")
             yield Finding.of("suspect", name, _joint(outcome).table(name), advice=words)
 
 

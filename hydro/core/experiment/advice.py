@@ -89,13 +89,26 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
     return f"{ADD}; {CATALOGUE[effect].definition}"
 
 
+def advises_adding(words: str) -> bool:
+    """Return whether the advice of a finding is to add the effect, not to correct the log first.
+
+    Args:
+        words: Advice, such as that of `adding` or `retuning`.
+    """
+    return "hydro add" in words
+
+
 def suspecting(effect: str, words: str) -> str:
     """Return the advice for a missing effect whose name is unconfirmed: `words` with a warning.
+
+    Advice that is not to add the effect, such as to correct the log, remains as it is.
 
     Args:
         effect: Name of the effect.
         words: Advice for the same effect if it were confirmed, from `adding`.
     """
+    if not advises_adding(words):
+        return words
     by_name = f"add it by name only if you can confirm it on the vehicle (`hydro add --effect {effect}`)"
     return words.replace(ADD, by_name) if ADD in words else f"{words}; {by_name}"
 
