@@ -302,14 +302,16 @@ def _finding(
 ) -> Finding:
     """Return the finding of the named effect, with its share of the error beyond the noise.
 
-    `others` may be named instead; the share is of the error of `without`, the model without the effect.
+    `others` may be named instead; the share is of the error of `without`, the model without the effect.  A
+    law of the hull's forces may stand for the error of the file's drag, so it is not confirmed.
     """
     values = fit.table(rival.effect)[0]
     if surveyed.by_evidence:
         sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
-    if rival.own or surveyed.rivals[0] is not rival:
+    of_hull = rival.of_hull and has_drag(without.vehicle)
+    if rival.own or of_hull or surveyed.rivals[0] is not rival:
         sure = min(sure, DOUBTFUL)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)

@@ -120,7 +120,12 @@ class Rival:
     @property
     def lead(self) -> float:
         """Evidence that counts against other effects: of a hull law, the excess over LEAST_EVIDENCE."""
-        return self.evidence - (LEAST_EVIDENCE if CATALOGUE[self.effect].family in HULLS else 0.0)
+        return self.evidence - (LEAST_EVIDENCE if self.of_hull else 0.0)
+
+    @property
+    def of_hull(self) -> bool:
+        """Whether the effect is a law of the hull's forces."""
+        return CATALOGUE[self.effect].family in HULLS
 
     @property
     def beyond(self) -> float:

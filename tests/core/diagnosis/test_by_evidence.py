@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, cast
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,36 +16,51 @@ from hydro.core.diagnosis import by_evidence
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
 from hydro.core.diagnosis.findings import Finding, extended
-from hydro.core.diagnosis.settings import SURE
+from hydro.core.diagnosis.settings import DOUBTFUL, SURE
 from hydro.core.diagnosis.transfer import Rival, Survey
 from hydro.core.identification.outcome import Fit
 from hydro.core.preprocessing.sensor_tests import KinematicTest
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
 VEHICLES = Path(__file__).resolve().parents[3] / "datasets" / "vehicles"
 
 
-def named(x: float) -> Finding:
-    """What is said of a payload at x that removes nearly all of the error of left-out data."""
-    vehicle = files.read(VEHICLES / "auv151.toml")[0]
-    table = {"w": 3.0, "x": x, "y": 0.1, "z": 0.0, "mass": 1.0}
+FILE = files.read(VEHICLES / "auv151.toml")[0]
+LIFT = {"L11": 0.0, "L15": 0.0, "L51": 0.0, "L55": 0.0, "L22": 12.0, "L24": 0.0, "L42": 0.0, "L44": 0.0}
+
+
+def payload(x: float) -> dict[str, Any]:
+    return {"w": 3.0, "x": x, "y": 0.1, "z": 0.0, "mass": 1.0}
+
+
+def named(effect: str, table: dict[str, Any], vehicle: Vehicle = FILE) -> Finding:
+    """Return what is said of an effect that removes nearly all of the error of left-out data."""
     fit = SimpleNamespace(
-        vehicle=extended(vehicle, [{"name": "payload", **table}]), table=lambda effect: (table, {})
+        vehicle=extended(vehicle, [{"name": effect, **table}]), table=lambda effect: (table, {})
     )
-    rival = Rival("payload", False, cast(Any, None), 0.98, 0.98)
+    rival = Rival(effect, False, cast(Any, None), 0.98, 0.98)
     normal = SimpleNamespace(score=np.ones((20, 1)), chi2=50.0)
     model = SimpleNamespace(normal=normal, costs=np.ones(20), excesses=np.full(20, 9.0))
-    lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0))
+    lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0), vehicle=vehicle)
     survey = Survey(cast(Any, None), cast(Any, (rival,)))
     parts = cast(Any, (rival, survey, [], model, lesser, cast(Fit, fit), 0.02))
     return by_evidence._finding(*parts)
 
 
+def test_a_hull_law_is_confirmed_only_for_a_file_without_drag():
+    """Beside drag it may stand for the error of the drag; a payload cannot."""
+    bare = msgspec.structs.replace(FILE, effect=())
+    assert named("payload", payload(0.1)).is_confirmed
+    assert not named("body_lift", LIFT).is_confirmed
+    assert named("body_lift", LIFT).confidence == DOUBTFUL
+    assert named("body_lift", LIFT, bare).is_confirmed
+
+
 @pytest.mark.parametrize(("lengths", "verdict"), [(0.3, "missing"), (1.7, "suspect")])
 def test_a_payload_at_an_implausible_place_is_only_suspected(lengths: float, verdict: str):
     """What transfers with a value beyond what physics leaves stands for something else."""
-    vehicle = files.read(VEHICLES / "auv151.toml")[0]
-    finding = named(lengths * vehicle.hull.length)
+    finding = named("payload", payload(lengths * FILE.hull.length))
     assert finding.verdict == verdict
     assert finding.confidence is not None
     assert (finding.confidence >= SURE) == (verdict == "missing")
@@ -53,7 +69,7 @@ def test_a_payload_at_an_implausible_place_is_only_suspected(lengths: float, ver
 @pytest.mark.parametrize("stated", [0.0, 0.08])
 def test_a_sensor_error_that_kinematics_shows_is_found_whatever_the_search_chose(stated, monkeypatch):
     """A DVL scale of 8 %, known to a tenth of a percent, unless the file states it already."""
-    vehicle = files.read(VEHICLES / "auv151.toml")[0]
+    vehicle = FILE
     if stated:
         vehicle = extended(vehicle, [{"name": "sensor_scale", "s": stated}])
     test = KinematicTest("sensor_scale", np.full(3, 0.08), 1e-6 * np.eye(3), 100, 0.005, 1e5)
@@ -74,7 +90,7 @@ def test_a_sensor_error_that_kinematics_shows_is_found_whatever_the_search_chose
 
 def test_fits_start_from_values_that_the_search_found(monkeypatch):
     """A current far from zero is lost from a linearised start; values of the file's effects are its own."""
-    vehicle = files.read(VEHICLES / "auv151.toml")[0]
+    vehicle = FILE
     current = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
     own = vehicle.effect[0]["name"]
     fitted = SimpleNamespace(vehicle=extended(vehicle, [current]))
