@@ -9,7 +9,6 @@ For each seed, two unchanged vehicles get four courses of thrust over the four l
 from __future__ import annotations
 
 import argparse
-import copy
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -65,16 +64,16 @@ def recordings(seed: int, name: str, folder: Path) -> Iterator[tuple[str, Path]]
 
 def _session(drawn: Sequence[Drawn], case: Drawn, place: int, which: slice | int, share: float) -> Flown:
     """Fly one of the later sessions of a case with a share of the thrust of some thrusters."""
-    parameters = copy.deepcopy(case.vehicle.P)
-    parameters["thr_gain"][which] *= share
-    batch = [Recording(one, "after", parameters if one is case else None) for one in drawn]
+    gain = case.vehicle.P["thr_gain"].copy()
+    gain[which] *= share
+    weaker = case.vehicle.P | {"thr_gain": gain}
+    batch = [Recording(one, "after", weaker if one is case else None) for one in drawn]
     return fly(batch, case.seed)[case.place, "after"][place]
 
 
 def answer(seed: int, name: str, words: str, found: Diagnosis) -> Row:
     """Return the answer of a diagnosis as a row of the result table."""
-    named = [one for one in found.findings if one.parameters]
-    first = named[0] if named else None
+    first = next((one for one in found.findings if one.parameters), None)
     return {
         "seed": seed,
         "vehicle": name,

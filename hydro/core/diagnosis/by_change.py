@@ -19,7 +19,7 @@ import scipy
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import explained_share, folds, lead_confidence, wins
-from hydro.core.diagnosis.contenders import Compared, Contender, Contest, leading
+from hydro.core.diagnosis.contenders import Compared, Contender, Contest, is_further, leading, relative_gain
 from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -33,7 +33,6 @@ from hydro.core.diagnosis.settings import (
     ABSORBED,
     CHANGED,
     DOUBTFUL,
-    FURTHER,
     MATERIAL,
     MOST_FINDINGS,
     NEGLIGIBLE,
@@ -319,8 +318,7 @@ class Change:
 
         The greater of both is the divisor.
         """
-        whole = float(self.whole.sum())
-        return self.score * whole / max(whole, self.floor)
+        return relative_gain(self.score, float(self.whole.sum()), self.floor)
 
     def confidence(self, given: float) -> float:
         """Return the probability that the best candidate is the change.
@@ -364,8 +362,8 @@ class Change:
 
         It must be larger where the vehicle has changes already (`further`).
         """
-        if further:  # a drag law that absorbs the error of an unchanged hull is not a further change
-            return self.relative_gain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
+        if further:
+            return is_further(self.best.effect, self.relative_gain)
         return self.score >= CHANGED and self.score * float(self.whole.sum()) >= MATERIAL * self.floor
 
     @cached_property

@@ -29,6 +29,7 @@ from hydro.core.diagnosis.settings import (
     CONTENDERS,
     DISTINCT,
     FIT,
+    FURTHER,
     NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
@@ -108,9 +109,36 @@ class Contender:
         return NEGLIGIBLE * at_stake * len(self.model.values) + ABSORBED * absorbs * floor
 
 
-def leading(rivals: Sequence[Contender], whole: float, floor: float) -> Contender:
-    """Return the rival with the least penalised held-out cost; the arguments are those of `penalty`."""
-    return min(rivals, key=lambda one: one.left + one.penalty(rivals, whole, floor))
+def leading(
+    candidates: Sequence[Contender], whole: float, floor: float, rivals: Sequence[Contender] | None = None
+) -> Contender:
+    """Return the candidate with the least penalised held-out cost.
+
+    The other arguments are those of `penalty`; `rivals` are by default the candidates alone.
+    """
+    against = candidates if rivals is None else rivals
+    return min(candidates, key=lambda one: one.left + one.penalty(against, whole, floor))
+
+
+def relative_gain(score: float, whole: float, floor: float) -> float:
+    """Return a removed squared residual as a share of the present one, or of that at the floor.
+
+    The greater of both is the divisor.
+
+    Args:
+        score: Share of the held-out squared residual that is removed.
+        whole: Held-out squared residual without a further change.
+        floor: Squared residual of all shots at the floor.
+    """
+    return score * whole / max(whole, floor)
+
+
+def is_further(effect: str, gain: float) -> bool:
+    """Return whether a relative gain is large enough for a further change by an effect.
+
+    A drag law that absorbs the error of an unchanged hull is not a further change.
+    """
+    return gain >= max(FURTHER, CATALOGUE[effect].identification.absorbs)
 
 
 @dataclass(frozen=True)
@@ -300,10 +328,7 @@ class Contest:
                 continue
             with suppress(Diverges, np.linalg.LinAlgError):
                 common = self.fitted(table, least=_least(fits))
-                left = [
-                    each.left + each.penalty([*fits.values(), common], whole, floor) for each in (one, common)
-                ]
-                found[name] = common if left[1] < left[0] else one
+                found[name] = leading((one, common), whole, floor, [*fits.values(), common])
         return found
 
     def with_plainer(self, fits: dict[str, Contender]) -> dict[str, Contender]:

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.contenders import Contest
-from hydro.core.diagnosis.settings import CHANGED, FURTHER
-from hydro.core.effects import CATALOGUE
+from hydro.core.diagnosis.contenders import Contest, is_further, relative_gain
+from hydro.core.diagnosis.settings import CHANGED
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction.normal_equations import Normal
 
@@ -47,10 +46,10 @@ class Onset:
 
 
 def onset(contest: Contest) -> Onset | None:
-    """Return the change within a recording that the vehicle of a contest lacks; None where none stands out.
+    """Return the change within a recording that a contest's last vehicle lacks; None where none stands out.
 
-    A change stands out if it removes as large a share of the error as a further change must, and CHANGED more
-    than the best effect that is constant in the whole recording.
+    A change stands out if it removes the share of the error that a further change needs.  It must also remove
+    CHANGED more than the best constant effect.
     """
     compared, vehicle = contest.compared, contest.last.vehicle
     tried = suspects(vehicle, reach=compared.log.track)
@@ -60,8 +59,8 @@ def onset(contest: Contest) -> Onset | None:
     whole, floor = compared.cost(normal.of([])), compared.floor(contest.last)
     for place, course in _courses(contest):
         for name, (score, _) in contest.scored(tried, _following(normal, course)).items():
-            gain = score * whole / max(whole, floor)
-            if score > least and gain >= max(FURTHER, CATALOGUE[name].identification.absorbs):
+            gain = relative_gain(score, whole, floor)
+            if score > least and is_further(name, gain):
                 least, found = score, Onset(name, place, gain)
     return found
 
@@ -72,14 +71,13 @@ def _courses(contest: Contest) -> Iterator[tuple[str, Array]]:
     A steady change begins at zero, or is zero in the middle where the vehicle has its mean already.
     """
     shots, fold = contest.compared.problem.shots, contest.compared.fold
-    numbers = np.unique(shots.session)
+    sessions = len(np.unique(shots.session))
     for beginning in (0.0, -1.0):
         yield "at a constant rate throughout", np.linspace(beginning, 1.0, len(fold))
-    for number in np.unique(fold)[1:]:
-        first = int(np.flatnonzero(fold == number)[0])
-        time = f"at t = {shots.record.t[shots.starts[first]]:.0f} s"
-        by_session = len(numbers) == fold.max() + 1
-        place = f"in session {number + 1} of {len(numbers)}" if by_session else time
+    numbers, first = np.unique(fold, return_index=True)
+    for number, shot in zip(numbers[1:], first[1:], strict=True):
+        time = f"at t = {shots.record.t[shots.starts[shot]]:.0f} s"
+        place = f"in session {number + 1} of {sessions}" if sessions == len(numbers) else time
         yield place, (fold >= number).astype(float)
 
 
