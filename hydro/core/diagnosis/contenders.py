@@ -1,8 +1,9 @@
 """Candidate changes of a vehicle, fitted with the hull-force model held fixed and scored on held-out data.
 
 The score is the share of the squared residual that a candidate removes from held-out sessions or stretches.
-All candidates are scored first by one Gauss-Newton step from the file.  The best are then fitted, and
-components that remove less than their penalty are dropped.
+All candidates are scored first: by one Gauss-Newton step on whole shots, or after a large change by fits to
+the first part of each shot.  The best are then fitted, and components that remove less than their penalty
+are dropped.
 """
 
 from __future__ import annotations
@@ -10,17 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 from typing import Any, cast
 
 import numpy as np
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.baseline import stable_shots
+from hydro.core.diagnosis.baseline import SHOT_LENGTHS, stable_shots
 from hydro.core.diagnosis.confidence import folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit, fit_model, held_at, passive, unfitted
-from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ABSORBED,
@@ -33,7 +32,6 @@ from hydro.core.diagnosis.settings import (
     NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
-    SIMILAR,
     SUSPECT_SPREAD,
     VISIBLE,
 )
@@ -185,6 +183,15 @@ class Compared:
         first = unfitted(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first
 
+    def over_first_part(self, vehicle: Vehicle) -> tuple[Compared, Model]:
+        """Return the comparison of a vehicle over the first part of each shot, of the shortest shot length.
+
+        The vehicle is returned as a model without free components, as by `of`.
+        """
+        part = replace(self, problem=self.problem.first_part(SHOT_LENGTHS[-1]))
+        first = unfitted(vehicle, part.corrected(vehicle))
+        return replace(part, weight=robust(first.costs)), first
+
     @property
     def unchanged(self) -> OutputError:
         """Shots of the earlier recording, corrected for the hull force, with the units of `problem`."""
@@ -274,45 +281,38 @@ class Contest:
         progress: Progress,
         first_fits: Callable[[Mapping[str, Contender]], None] | None = None,
     ) -> dict[str, Contender]:
-        """Fit the candidates that score best after one Gauss-Newton step, and all effects of the current.
+        """Fit the candidates that are best on whole shots, on the first part of each shot, or on both.
 
-        Where none of them is right, candidates of similar score are fitted as well.
+        Where the error is at most FIT floors, candidates are chosen on whole shots, otherwise on the first
+        parts.  If none of them is right, those chosen in the other way are fitted too.
+
+        Args:
+            chosen: Effects that the vehicle has from earlier rounds.
+            progress: Called with a short text and the share of the work done.
+            first_fits: Called once, with the fits of the first choice.
 
         Returns:
             Fitted candidates, by effect.
         """
         vehicle, reach = self.last.vehicle, self.compared.log.track
         tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
-        ranked = self.scored_by_one_step(tried)
-        most = max((score for score, _ in ranked.values()), default=0.0)
-        flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
-        always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
-        floor = self.compared.floor(self.last)
-        right = RIGHT * floor
-        fits: dict[str, Contender] = {}
-        for number, name in enumerate(always):
-            progress(f"{name} on held-out stretches", number / (2 * CONTENDERS))
-            fine = self._shapes(name)
-            self._join(fits, (self.scored_by_one_step(fine) if fine else ranked)[name][1])
-        if first_fits is not None:
-            first_fits(fits)
-        if _least(fits) > right:
-            others = {name: scored for name, scored in ranked.items() if name not in always}
-            for number, table in enumerate(self._similar(others, most), len(always)):
-                if _least(fits) <= (FIT * floor if chosen and number >= 2 * CONTENDERS else right):
-                    break
-                progress(f"{table['name']} on held-out stretches", min(number / (2 * CONTENDERS), 1.0))
+        floor, fits = self.compared.floor(self.last), dict[str, Contender]()
+        choices = [self._best_of_whole_shots, self._best_of_first_parts]
+        for number, choice in enumerate(choices if self.compared.chi2(self.last) <= FIT else choices[::-1]):
+            progress("choice of candidates", number / 2)
+            for at, table in enumerate(tables := choice(tried)):
+                progress(f"{table['name']} on held-out stretches", (number + at / len(tables)) / 2)
                 self._join(fits, table)
+            if first_fits is not None and number == 0:
+                first_fits(fits)
+            if _least(fits) <= RIGHT * floor:
+                break
         if _least(fits) > FIT * floor:
-            far = [name for name in fits if CATALOGUE[name].identification.far]  # not found from zero
-            for name in far:
-                for table in () if vehicle.effects(name) else CATALOGUE[name].identification.far:
-                    self._join(fits, {"name": name} | table)
             closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
             stepwise = [name for name, fit in fits.items() if _is_stepwise(fit.model)]
-            far = [name for name in fits if CATALOGUE[name].identification.far]
-            for name in dict.fromkeys([*closest, *stepwise, *far]):
-                self._join(fits, fits[name].table, ITERATIONS)
+            for name in dict.fromkeys([*closest, *stepwise]):
+                if fits[name].left <= FIT * _least(fits):
+                    self._join(fits, fits[name].table, ITERATIONS)
         return self.with_plainer(self.with_one_value(fits))
 
     def with_one_value(self, fits: Mapping[str, Contender]) -> dict[str, Contender]:
@@ -331,24 +331,31 @@ class Contest:
                 found[name] = leading((one, common), whole, floor, [*fits.values(), common])
         return found
 
-    def with_plainer(self, fits: dict[str, Contender]) -> dict[str, Contender]:
-        """Return fits, by effect, together with fits of simpler special cases of the best effect.
+    def with_plainer(self, fits: Mapping[str, Contender]) -> dict[str, Contender]:
+        """Return fits, by effect, with those of simpler special cases of the best, and without needless ones.
 
-        The best has the least penalised held-out cost.  It is left out if the cost of a special case is
+        The best has the least penalised held-out cost.  It is needless if the cost of a special case is
         within DISTINCT standard errors of the difference between shots: a far anchor below the vehicle is
-        then no evidence against a payload.
+        then no evidence against a payload.  Any other fit is needless if a special case costs no more.
         """
         if not fits:
-            return fits
+            return {}
         floor, whole = self.compared.floor(self.last), self.compared.cost(self.last.normal.of([]))
-        best = leading([*fits.values()], whole, floor)
-        fits, simpler = dict(fits), plainer(best.model.vehicle, best.effect, self.last.vehicle)
-        for table in simpler:
+        fits, best = dict(fits), leading([*fits.values()], whole, floor)
+        for table in self._plainer(best):
             self._join(fits, table)
-        special = [fits[table["name"]] for table in simpler if table["name"] in fits]
-        if any(not _distinct(one.costs, best.costs) for one in special):
-            del fits[best.effect]
-        return fits
+        return {name: one for name, one in fits.items() if not self._is_needless(one, fits, one is best)}
+
+    def _plainer(self, fit: Contender) -> Sequence[Table]:
+        """Return the tables of simpler effects with nearly the forces of a fit."""
+        return plainer(fit.model.vehicle, fit.effect, self.last.vehicle)
+
+    def _is_needless(self, fit: Contender, fits: Mapping[str, Contender], best: bool) -> bool:
+        """Return whether a special case is about as good as the best fit, or as good as any other fit."""
+        special = [fits[table["name"]] for table in self._plainer(fit) if table["name"] in fits]
+        if best:
+            return any(not _distinct(one.costs, fit.costs) for one in special)
+        return any(one.left <= fit.left for one in special)
 
     def scored_by_one_step(self, tried: Sequence[Suspect]) -> dict[str, Scored]:
         """Return the score of each effect about the last vehicle, see `scored`."""
@@ -493,6 +500,36 @@ class Contest:
         if not refuted(self.compared.log.sensors, fit.effect, fit.model.vehicle):
             fits[fit.effect] = fit
 
+    def _best_of_whole_shots(self, tried: Sequence[Suspect]) -> list[Table]:
+        """Return starting tables of the CONTENDERS best candidates: by one step on whole shots."""
+        ranked = self.scored_by_one_step(tried)
+        return [self._at_finest(name, ranked) for name in list(ranked)[:CONTENDERS]]
+
+    def _at_finest(self, name: str, ranked: Mapping[str, Scored]) -> Table:
+        """Return the starting table of an effect by one step, of the finer grid of shapes if it has one."""
+        finer = self._shapes(name)
+        return (self.scored_by_one_step(finer) if finer else ranked)[name][1]
+
+    def _best_of_first_parts(self, tried: Sequence[Suspect]) -> list[Table]:
+        """Return tables of the best of CONTENDERS candidates, fitted to the first part of each shot.
+
+        The best leave at most FIT times the least error.
+
+        After a large change, the prediction of a whole shot is far from linear in the change, and fits from
+        the file end in local minima: a body that rolls at half its frequency is out of phase within a second.
+        The first quarter of a second is nearly linear, so a fit to it is a start near the change.
+        """
+        compared, last = self.compared.over_first_part(self.last.vehicle)
+        contest, begun, fits = Contest(compared, last), dict[str, Model](), dict[str, Contender]()
+        for name, (_, table) in contest.scored_by_one_step(tried).items():
+            with suppress(Diverges, np.linalg.LinAlgError):
+                begun[name] = contest.fitted_together([table], 1)
+        for name in sorted(begun, key=lambda one: compared.chi2(begun[one])):
+            if len(fits) < CONTENDERS:
+                contest._join(fits, begun[name].vehicle.effects(name)[0])
+        best = [one for one in fits.values() if one.left <= FIT * _least(fits)]
+        return [one.table for one in sorted(best, key=lambda one: one.left)]
+
     def _shapes(self, name: str) -> list[Suspect]:
         """Return the finer grid of shapes of an effect that the vehicle lacks; empty for an existing one.
 
@@ -500,16 +537,6 @@ class Contest:
         """
         there = self.last.vehicle.effects(name)
         return [] if there else shapes(self.last.vehicle, name, reach=self.compared.log.track)
-
-    def _similar(self, scored: Mapping[str, Scored], most: float) -> list[Table]:
-        """Return tables of the effects with a score similar to `most`, the best first.
-
-        Each effect counts at its best shape, of the coarse or the finer grid.
-        """
-        finer = self.scored_by_one_step([one for name in scored for one in self._shapes(name)])
-        best = [(name, *max(one, finer.get(name, one), key=itemgetter(0))) for name, one in scored.items()]
-        similar = [(gain, table) for name, gain, table in best if most_gain(name, gain) >= SIMILAR * most]
-        return [table for _, table in sorted(similar, key=lambda one: -one[0])]
 
     def _needed(self, normal: Normal, columns: Sequence[int]) -> list[int]:
         """Return the columns that lower the held-out cost by one step, added one by one, at least one.

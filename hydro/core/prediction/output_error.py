@@ -90,6 +90,10 @@ class OutputError:
         """
         return replace(self, shots=self.shots.of(kept), near=None)
 
+    def first_part(self, seconds: float) -> Self:
+        """Return a copy of the problem with shots cut after a compared time [s]."""
+        return replace(self, shots=self.shots.first_part(seconds), near=None)
+
     def anchored(self) -> Self:
         """Return a copy of the problem in which logged initial states count as samples and are not free.
 

@@ -99,6 +99,25 @@ def test_a_tether_with_a_far_anchor_below_must_be_distinct_from_a_payload(monkey
     assert sorted(contest.with_plainer({"tether": tether})) == names
 
 
+@pytest.mark.parametrize(("off", "names"), [(0.0, ["payload"]), (-0.01, ["payload", "tether"])])
+def test_a_tether_that_fits_no_better_is_no_rival_of_a_payload(off, names):
+    """Otherwise nearly the same force under another name lowers the confidence in the payload."""
+    far = {"name": "tether", "k": 0.1, "attachment": [0.2, 0.1, 0.0], "anchor": [0.0, 0.0, 80.0]}
+    tied = msgspec.structs.replace(damped(), effect=(*damped().effect, far))
+    plain = cast(
+        Any, SimpleNamespace(values=np.zeros(5), vehicle=damped({"name": "net_buoyancy", "dB": 1.0}))
+    )
+    payload = Contender("payload", plain, np.ones(SHOTS))
+    tether = Contender(
+        "tether", cast(Any, SimpleNamespace(values=np.zeros(8), vehicle=tied)), np.full(SHOTS, 1.0 + off)
+    )
+    compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: 50.0 * SHOTS)
+    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
+    contest = Contest(cast(Any, compared), cast(Any, last))
+    object.__setattr__(contest, "_plainer", lambda fit: [{"name": "payload"}] * (fit is tether))
+    assert sorted(contest.with_plainer({"payload": payload, "tether": tether})) == names
+
+
 def pair(left: float, ahead: float, whole: float) -> Change:
     """A best that leaves so many floors, and a next as large that leaves some more."""
     return change([rival("net_buoyancy", left, 1), rival("command_delay", left + ahead, 1)], whole)

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import polars as pl
+import pytest
 from recordings import damped, moved, noisy
 
 from hydro.core.recording.arrays import recording, smoothed
@@ -24,6 +25,20 @@ def test_less_is_known_of_a_beginning_where_a_shot_has_no_sample_of_a_channel():
     expected = np.tile(TRUST, (len(shots.starts), 1))
     expected[0, 7] *= 5.0
     np.testing.assert_allclose(trust, expected)
+
+
+def test_the_first_part_of_shots_has_their_first_rows_only():
+    shots = make_shots(recording(damped(), moved(damped(), rows=500)), lead=0.1)
+    seen = np.ones((len(shots.starts), shots.length, 12), bool)
+    shots = replace(shots, seen=seen, swell=np.ones((len(seen), shots.length - shots.lead, 12, 2)))
+    part = shots.first_part(0.25)
+    assert part.seconds == pytest.approx(0.24)
+    assert part.length == shots.lead + 13
+    np.testing.assert_array_equal(part.measured, shots.measured[:, : part.length])
+    np.testing.assert_array_equal(part.seen, seen[:, : part.length])
+    assert part.swell.shape[1] == 13
+    np.testing.assert_array_equal(part.first, shots.first)
+    assert shots.first_part(5.0) is shots
 
 
 def test_an_anchored_initial_state_counts_at_most_as_a_sample():
