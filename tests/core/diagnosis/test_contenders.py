@@ -19,7 +19,7 @@ from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.model import Model, passive
-from hydro.core.diagnosis.settings import FIT, NEGLIGIBLE, SURE
+from hydro.core.diagnosis.settings import FIT, NEGLIGIBLE, RIGHT, SURE
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.passivity import accepted
 from hydro.core.prediction.normal_equations import Normal
@@ -79,43 +79,46 @@ def test_a_parameter_costs_a_share_of_the_error_that_the_best_rival_leaves(left,
     assert (found.best is many) is (gain * left > NEGLIGIBLE * more * at_stake)
 
 
-@pytest.mark.parametrize(("off", "names"), [(0.1, ["payload"]), (0.5, ["payload", "tether"])])
-def test_a_tether_with_a_far_anchor_below_must_be_distinct_from_a_payload(monkeypatch, off, names):
-    """Its pull is that of a weight at the attachment."""
-    far = {"name": "tether", "k": 0.1, "attachment": [0.2, 0.1, 0.0], "anchor": [0.0, 0.0, 80.0]}
-    tied = msgspec.structs.replace(damped(), effect=(*damped().effect, far))
-    noise = np.random.default_rng(0).normal(scale=0.5, size=SHOTS)
-    tether = Contender("tether", cast(Any, SimpleNamespace(values=np.zeros(8), vehicle=tied)), np.ones(SHOTS))
+FAR = {"name": "tether", "k": 0.1, "attachment": [0.2, 0.1, 0.0], "anchor": [0.0, 0.0, 80.0]}
+"""A tether whose pull is that of a weight at the attachment,"""
+WEIGHT = {"name": "payload", "w": 8.0, "x": 0.2, "y": 0.1, "z": 0.0, "mass": 1.0}
+"""and the weight."""
+
+
+def kept(monkeypatch, left: dict[str, np.ndarray], joining: str | None = None) -> list[str]:
+    """The effects, of a tether and a payload with these costs, that stay when needless ones go."""
+    models = {"tether": (damped(FAR), 8), "payload": (damped(WEIGHT), 5)}
+    fits = {
+        name: Contender(
+            name, cast(Any, SimpleNamespace(values=np.zeros(models[name][1]), vehicle=models[name][0])), costs
+        )
+        for name, costs in left.items()
+    }
+    later = fits.pop(joining) if joining else None
 
     def join(contest: Contest, fits: dict[str, Contender], table: Any) -> None:
-        assert table == {"name": "payload", "w": pytest.approx(8.0), "x": 0.2, "y": 0.1, "z": 0.0}
-        costs = 1.0 + off + noise - noise.mean()
-        fits["payload"] = Contender("payload", cast(Any, SimpleNamespace(values=np.zeros(5))), costs)
+        if later is not None and table["name"] == joining:
+            assert table == {"name": "payload", "w": pytest.approx(8.0), "x": 0.2, "y": 0.1, "z": 0.0}
+            fits[joining] = later
 
     monkeypatch.setattr(Contest, "_join", join)
     compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: 50.0 * SHOTS)
     last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
-    contest = Contest(cast(Any, compared), cast(Any, last))
-    assert sorted(contest.with_plainer({"tether": tether})) == names
+    return sorted(Contest(cast(Any, compared), cast(Any, last)).with_plainer(fits))
+
+
+@pytest.mark.parametrize(("off", "names"), [(0.1, ["payload"]), (0.5, ["payload", "tether"])])
+def test_a_tether_with_a_far_anchor_below_must_be_distinct_from_a_payload(monkeypatch, off, names):
+    noise = np.random.default_rng(0).normal(scale=0.5, size=SHOTS)
+    left = {"tether": np.ones(SHOTS), "payload": 1.0 + off + noise - noise.mean()}
+    assert kept(monkeypatch, left, joining="payload") == names
 
 
 @pytest.mark.parametrize(("off", "names"), [(0.0, ["payload"]), (-0.01, ["payload", "tether"])])
-def test_a_tether_that_fits_no_better_is_no_rival_of_a_payload(off, names):
-    """Otherwise nearly the same force under another name lowers the confidence in the payload."""
-    far = {"name": "tether", "k": 0.1, "attachment": [0.2, 0.1, 0.0], "anchor": [0.0, 0.0, 80.0]}
-    tied = msgspec.structs.replace(damped(), effect=(*damped().effect, far))
-    plain = cast(
-        Any, SimpleNamespace(values=np.zeros(5), vehicle=damped({"name": "net_buoyancy", "dB": 1.0}))
-    )
-    payload = Contender("payload", plain, np.ones(SHOTS))
-    tether = Contender(
-        "tether", cast(Any, SimpleNamespace(values=np.zeros(8), vehicle=tied)), np.full(SHOTS, 1.0 + off)
-    )
-    compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: 50.0 * SHOTS)
-    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
-    contest = Contest(cast(Any, compared), cast(Any, last))
-    object.__setattr__(contest, "_plainer", lambda fit: [{"name": "payload"}] * (fit is tether))
-    assert sorted(contest.with_plainer({"payload": payload, "tether": tether})) == names
+def test_a_tether_that_fits_no_better_is_no_rival_of_a_payload(monkeypatch, off, names):
+    """Otherwise the same force under another name lowers the confidence in the payload."""
+    left = {"payload": np.ones(SHOTS), "tether": np.full(SHOTS, 1.0 + off)}
+    assert kept(monkeypatch, left) == names
 
 
 def pair(left: float, ahead: float, whole: float) -> Change:
@@ -181,21 +184,34 @@ def test_a_candidate_has_values_that_a_passive_hull_can_have():
     assert passive(still) is still
 
 
-def test_candidates_of_similar_score_are_fitted_at_their_best_places(monkeypatch):
-    """A finer place counts where it promises more; a linear effect with less than half of the best score is
-    left out, but a nonlinear one shows only a part of its gain in one step."""
-    tables = {name: {"name": name} for name in ("payload", "net_buoyancy", "linear_damping", "tether")}
-    coarse = {"payload": 0.1, "net_buoyancy": 0.5, "linear_damping": 0.3, "tether": 0.02}
-    finer = {"payload": (0.4, {"name": "payload", "fine": True}), "linear_damping": (0.2, {})}
-    ranked = {name: (score, tables[name]) for name, score in coarse.items()}
-    monkeypatch.setattr(Contest, "_shapes", lambda contest, name: [name])
-    monkeypatch.setattr(Contest, "scored_by_one_step", lambda contest, tried: finer)
-    contest = Contest(cast(Any, None), cast(Any, None))
-    fine = {"name": "payload", "fine": True}
-    everyone = [tables["net_buoyancy"], fine, tables["linear_damping"]]
-    assert contest._similar(ranked, 0.5) == everyone
-    assert contest._similar(ranked, 0.7) == [tables["net_buoyancy"], fine]
-    assert contest._similar(ranked, 0.2) == [*everyone, tables["tether"]]
+@pytest.mark.parametrize(
+    ("error", "left", "fitted"),
+    [
+        (0.9 * FIT, 0.9 * RIGHT, ["payload"]),
+        (0.9 * FIT, 1.1 * RIGHT, ["payload", "added_mass"]),
+        (1.1 * FIT, 0.9 * RIGHT, ["added_mass"]),
+        (1.1 * FIT, 1.1 * RIGHT, ["added_mass", "payload"]),
+    ],
+)
+def test_large_changes_are_sought_on_the_first_parts_of_shots_first(monkeypatch, error, left, fitted):
+    """The other choice of candidates follows if none of the first is right."""
+    monkeypatch.setattr(Contest, "_best_of_whole_shots", lambda *_: [{"name": "payload"}])
+    monkeypatch.setattr(Contest, "_best_of_first_parts", lambda *_: [{"name": "added_mass"}])
+    joined, reported = list[str](), list[list[str]]()
+
+    def join(contest: Contest, fits: dict[str, Contender], table: Any) -> None:
+        joined.append(table["name"])
+        fits[table["name"]] = rival(table["name"], left, 1)
+
+    monkeypatch.setattr(Contest, "_join", join)
+    monkeypatch.setattr(Contest, "with_one_value", lambda contest, fits: fits)
+    monkeypatch.setattr(Contest, "with_plainer", lambda contest, fits: fits)
+    log = SimpleNamespace(track=np.zeros((2, 4)))
+    compared = SimpleNamespace(log=log, floor=lambda _: 1.0, chi2=lambda _: error)
+    contest = Contest(cast(Any, compared), cast(Any, SimpleNamespace(vehicle=damped())))
+    contest.fits([], lambda *_: None, lambda fits: reported.append(list(fits)))
+    assert joined == fitted
+    assert reported == [fitted[:1]]
 
 
 @pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])
