@@ -29,6 +29,7 @@ from hydro.core.diagnosis.settings import (
     DISTINCT,
     FIT,
     FURTHER,
+    NEARLY_EQUAL,
     NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
@@ -36,7 +37,7 @@ from hydro.core.diagnosis.settings import (
     VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.catalogue import implausible, wholly_known
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.prior import in_file
 from hydro.core.identification.suspects import (
@@ -334,9 +335,13 @@ class Contest:
     def with_plainer(self, fits: Mapping[str, Contender]) -> dict[str, Contender]:
         """Return fits, by effect, with those of simpler special cases of the best, and without needless ones.
 
-        The best has the least penalised held-out cost.  It is needless if the cost of a special case is
-        within DISTINCT standard errors of the difference between shots: a far anchor below the vehicle is
-        then no evidence against a payload.  Any other fit is needless if a special case costs no more.
+        The best has the least penalised held-out cost.  A special case makes a general effect needless if it
+        costs no more.  It makes the best needless in two further cases:
+
+        - Its cost is within DISTINCT standard errors of the difference between shots.  A far anchor below the
+          vehicle is then no evidence against a payload.
+        - Physics allows its values and not those of the best, and it removes a share NEARLY_EQUAL of the
+          error that the best removes.  A weight metres beyond the hull absorbs errors of the hull force.
         """
         if not fits:
             return {}
@@ -344,18 +349,22 @@ class Contest:
         fits, best = dict(fits), leading([*fits.values()], whole, floor)
         for table in self._plainer(best):
             self._join(fits, table)
-        return {name: one for name, one in fits.items() if not self._is_needless(one, fits, one is best)}
+        needless = [one.effect for one in fits.values() if one is not best and self._has_equal(one, fits)]
+        if any(_replaces(one, best, whole) for one in self._special(best, fits)):
+            needless.append(best.effect)
+        return {name: one for name, one in fits.items() if name not in needless}
 
     def _plainer(self, fit: Contender) -> Sequence[Table]:
         """Return the tables of simpler effects with nearly the forces of a fit."""
         return plainer(fit.model.vehicle, fit.effect, self.last.vehicle)
 
-    def _is_needless(self, fit: Contender, fits: Mapping[str, Contender], best: bool) -> bool:
-        """Return whether a special case is about as good as the best fit, or as good as any other fit."""
-        special = [fits[table["name"]] for table in self._plainer(fit) if table["name"] in fits]
-        if best:
-            return any(not _distinct(one.costs, fit.costs) for one in special)
-        return any(one.left <= fit.left for one in special)
+    def _special(self, fit: Contender, fits: Mapping[str, Contender]) -> list[Contender]:
+        """Return those fits that are special cases of a fit."""
+        return [fits[table["name"]] for table in self._plainer(fit) if table["name"] in fits]
+
+    def _has_equal(self, fit: Contender, fits: Mapping[str, Contender]) -> bool:
+        """Return whether a special case of a fit costs no more."""
+        return any(one.left <= fit.left for one in self._special(fit, fits))
 
     def scored_by_one_step(self, tried: Sequence[Suspect]) -> dict[str, Scored]:
         """Return the score of each effect about the last vehicle, see `scored`."""
@@ -564,6 +573,22 @@ def _distinct(costs: Array, least: Array) -> bool:
     """Return whether costs of S shots exceed others by more than DISTINCT standard errors, (S,) each."""
     more = costs - least
     return bool(more.sum() > DISTINCT * np.sqrt(len(more)) * np.std(more))
+
+
+def _replaces(special: Contender, best: Contender, whole: float) -> bool:
+    """Return whether a special case replaces the best, general effect, see `Contest.with_plainer`.
+
+    `whole` is the held-out squared residual without either.
+    """
+    if not _distinct(special.costs, best.costs):
+        return True
+    nearly = whole - special.left >= NEARLY_EQUAL * (whole - best.left)
+    return nearly and not _is_possible(best) and _is_possible(special)
+
+
+def _is_possible(fit: Contender) -> bool:
+    """Return whether physics allows the fitted values of an effect."""
+    return not implausible(fit.model.vehicle, [fit.effect])
 
 
 def _is_stepwise(model: Model) -> bool:

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.by_change import Change
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.model import Model, passive
-from hydro.core.diagnosis.settings import FIT, NEGLIGIBLE, RIGHT, SURE
+from hydro.core.diagnosis.settings import FIT, NEARLY_EQUAL, NEGLIGIBLE, RIGHT, SURE
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.passivity import accepted
 from hydro.core.prediction.normal_equations import Normal
@@ -119,6 +119,37 @@ def test_a_tether_that_fits_no_better_is_no_rival_of_a_payload(monkeypatch, off,
     """Otherwise the same force under another name lowers the confidence in the payload."""
     left = {"payload": np.ones(SHOTS), "tether": np.full(SHOTS, 1.0 + off)}
     assert kept(monkeypatch, left) == names
+
+
+@pytest.mark.parametrize(
+    ("x", "share", "names"),
+    [
+        (20.0, 1.1 * NEARLY_EQUAL, ["buoyancy_offset"]),
+        (20.0, 0.9 * NEARLY_EQUAL, ["buoyancy_offset", "payload"]),
+        (0.2, 1.1 * NEARLY_EQUAL, ["buoyancy_offset", "payload"]),
+    ],
+)
+def test_a_payload_beyond_the_hull_gives_way_to_the_moment_that_it_exerts(monkeypatch, x, share, names):
+    """A shifted centre of buoyancy that removes most of the error is possible, such a payload is not."""
+    monkeypatch.setattr(Contest, "_join", lambda *_: None)
+    whole = 50.0
+    far = {"name": "payload", "w": 0.1, "x": x, "y": 0.0, "z": 0.0, "mass": 0.0}
+    shifted = {"name": "buoyancy_offset", "dx": 0.01, "dy": 0.0, "dz": 0.0}
+    left = {"payload": (far, 5, 1.0), "buoyancy_offset": (shifted, 3, whole - share * (whole - 1.0))}
+    fits = {
+        name: Contender(
+            name,
+            cast(Any, SimpleNamespace(values=np.zeros(count), vehicle=damped(table))),
+            np.full(SHOTS, floors) + 0.01 * np.arange(SHOTS),
+        )
+        for name, (table, count, floors) in left.items()
+    }
+    fits["payload"].costs[:] = 1.0
+    compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: whole * SHOTS)
+    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
+    contest = Contest(cast(Any, compared), cast(Any, last))
+    monkeypatch.setattr(contenders, "plainer", lambda vehicle, name, file: [shifted] * (name == "payload"))
+    assert sorted(contest.with_plainer(fits)) == names
 
 
 def pair(left: float, ahead: float, whole: float) -> Change:
