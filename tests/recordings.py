@@ -91,10 +91,13 @@ def flown(*effects: dict, seed: int, rows: int = 800) -> pl.DataFrame:
 
     Four times 16 s are just long enough to learn what the hull does.
     """
+    return four_sessions(damped(HULL, *effects), seed, rows)
+
+
+def four_sessions(vehicle, seed: int, rows: int = 800) -> pl.DataFrame:
+    """Four sessions of a vehicle, with noise."""
     sessions = [
-        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=rows), seed + i).with_columns(
-            session=pl.lit(f"s{i}")
-        )
+        noisy(moved(vehicle, seed=seed + i, rows=rows), seed + i).with_columns(session=pl.lit(f"s{i}"))
         for i in range(4)
     ]
     return pl.concat(sessions)

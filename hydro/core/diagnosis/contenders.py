@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -181,17 +182,19 @@ class Compared:
         """
         problem = stable_shots(vehicle, log).weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
         compared = cls(log, hull, problem, folds(problem.shots.session))
-        first = unfitted(vehicle, compared.corrected(vehicle))
-        return replace(compared, weight=robust(first.costs)), first
+        return compared._with_weights(vehicle)
 
     def over_first_part(self, vehicle: Vehicle) -> tuple[Compared, Model]:
         """Return the comparison of a vehicle over the first part of each shot, of the shortest shot length.
 
         The vehicle is returned as a model without free components, as by `of`.
         """
-        part = replace(self, problem=self.problem.first_part(SHOT_LENGTHS[-1]))
-        first = unfitted(vehicle, part.corrected(vehicle))
-        return replace(part, weight=robust(first.costs)), first
+        return replace(self, problem=self.problem.first_part(SHOT_LENGTHS[-1]))._with_weights(vehicle)
+
+    def _with_weights(self, vehicle: Vehicle) -> tuple[Compared, Model]:
+        """Return a copy whose weights are those of a vehicle's residuals, and the model of that vehicle."""
+        first = unfitted(vehicle, self.corrected(vehicle))
+        return replace(self, weight=robust(first.costs)), first
 
     @property
     def unchanged(self) -> OutputError:
@@ -276,6 +279,11 @@ class Contest:
     compared: Compared
     last: Model
 
+    @cached_property
+    def recomputed(self) -> Recomputed:
+        """Shots with the hull force recomputed for every candidate; the last vehicle responds to it."""
+        return self.compared.recomputed(self.last.vehicle)
+
     def fits(
         self,
         chosen: Sequence[str],
@@ -335,13 +343,14 @@ class Contest:
     def with_plainer(self, fits: Mapping[str, Contender]) -> dict[str, Contender]:
         """Return fits, by effect, with those of simpler special cases of the best, and without needless ones.
 
-        The best has the least penalised held-out cost.  A special case makes a general effect needless if it
-        costs no more.  It makes the best needless in two further cases:
+        The best has the least penalised held-out cost.  A general effect is needless if the cost of a special
+        case is at most its own.  The best is needless in two further cases:
 
-        - Its cost is within DISTINCT standard errors of the difference between shots.  A far anchor below the
-          vehicle is then no evidence against a payload.
-        - Physics allows its values and not those of the best, and it removes a share NEARLY_EQUAL of the
-          error that the best removes.  A weight metres beyond the hull absorbs errors of the hull force.
+        - The cost of a special case is within DISTINCT standard errors of the difference between shots.  A
+          far anchor below the vehicle is then no evidence against a payload.
+        - Physics allows the values of a special case and not those of the best, and the special case removes
+          a share NEARLY_EQUAL of the error that the best removes.  A weight metres beyond the hull absorbs
+          errors of the hull force.
         """
         if not fits:
             return {}
@@ -349,22 +358,18 @@ class Contest:
         fits, best = dict(fits), leading([*fits.values()], whole, floor)
         for table in self._plainer(best):
             self._join(fits, table)
-        needless = [one.effect for one in fits.values() if one is not best and self._has_equal(one, fits)]
-        if any(_replaces(one, best, whole) for one in self._special(best, fits)):
-            needless.append(best.effect)
-        return {name: one for name, one in fits.items() if name not in needless}
+
+        def is_needless(fit: Contender) -> bool:
+            special = [fits[table["name"]] for table in self._plainer(fit) if table["name"] in fits]
+            if fit is best:
+                return any(_replaces(one, best, whole) for one in special)
+            return any(one.left <= fit.left for one in special)
+
+        return {name: one for name, one in fits.items() if not is_needless(one)}
 
     def _plainer(self, fit: Contender) -> Sequence[Table]:
         """Return the tables of simpler effects with nearly the forces of a fit."""
         return plainer(fit.model.vehicle, fit.effect, self.last.vehicle)
-
-    def _special(self, fit: Contender, fits: Mapping[str, Contender]) -> list[Contender]:
-        """Return those fits that are special cases of a fit."""
-        return [fits[table["name"]] for table in self._plainer(fit) if table["name"] in fits]
-
-    def _has_equal(self, fit: Contender, fits: Mapping[str, Contender]) -> bool:
-        """Return whether a special case of a fit costs no more."""
-        return any(one.left <= fit.left for one in self._special(fit, fits))
 
     def scored_by_one_step(self, tried: Sequence[Suspect]) -> dict[str, Scored]:
         """Return the score of each effect about the last vehicle, see `scored`."""
@@ -437,7 +442,8 @@ class Contest:
         if not any(CATALOGUE[str(table["name"])].kind in CHANGE_FLOW for table in tables):
             problem = compared.corrected(about) if about is not None else last.problem
             return fit_model(last.vehicle, tables, problem, reach, iterations)
-        model = fit_model(last.vehicle, tables, compared.recomputed(about or last.vehicle), reach, iterations)
+        shots = self.recomputed if about is None else compared.recomputed(about)
+        model = fit_model(last.vehicle, tables, shots, reach, iterations)
         return replace(model, problem=compared.corrected(model.vehicle))
 
     def with_hull_response(self, model: Model) -> Model:
@@ -510,13 +516,18 @@ class Contest:
             fits[fit.effect] = fit
 
     def _best_of_whole_shots(self, tried: Sequence[Suspect]) -> list[Table]:
-        """Return starting tables of the CONTENDERS best candidates: by one step on whole shots."""
+        """Return starting tables of the CONTENDERS best candidates by one step on whole shots."""
         ranked = self.scored_by_one_step(tried)
         return [self._at_finest(name, ranked) for name in list(ranked)[:CONTENDERS]]
 
     def _at_finest(self, name: str, ranked: Mapping[str, Scored]) -> Table:
-        """Return the starting table of an effect by one step, of the finer grid of shapes if it has one."""
-        finer = self._shapes(name)
+        """Return the starting table of an effect by one step, of the finer grid of shapes if it has one.
+
+        A shape fixes a nonlinear parameter, such as a threshold or an anchor, see `identification.suspects`.
+        An effect that the vehicle has already needs no grid.
+        """
+        vehicle, reach = self.last.vehicle, self.compared.log.track
+        finer = [] if vehicle.effects(name) else shapes(vehicle, name, reach=reach)
         return (self.scored_by_one_step(finer) if finer else ranked)[name][1]
 
     def _best_of_first_parts(self, tried: Sequence[Suspect]) -> list[Table]:
@@ -538,14 +549,6 @@ class Contest:
                 contest._join(fits, begun[name].vehicle.effects(name)[0])
         best = [one for one in fits.values() if one.left <= FIT * _least(fits)]
         return [one.table for one in sorted(best, key=lambda one: one.left)]
-
-    def _shapes(self, name: str) -> list[Suspect]:
-        """Return the finer grid of shapes of an effect that the vehicle lacks; empty for an existing one.
-
-        A shape fixes a nonlinear parameter, such as a threshold or an anchor, see `identification.suspects`.
-        """
-        there = self.last.vehicle.effects(name)
-        return [] if there else shapes(self.last.vehicle, name, reach=self.compared.log.track)
 
     def _needed(self, normal: Normal, columns: Sequence[int]) -> list[int]:
         """Return the columns that lower the held-out cost by one step, added one by one, at least one.

@@ -142,7 +142,7 @@ class Shots:
 
     def of(self, kept: NDArray[np.bool_]) -> Shots:
         """Return a new set with those of the shots for which the mask `kept`, (S,), is true."""
-        there = tuple(name for name in ("seen", "swell", "anchor") if self._has(name))
+        there = tuple(name for name in ("seen", "swell", "anchor") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
 
@@ -151,9 +151,11 @@ class Shots:
         length = self.lead + max(round(seconds / self.record.dt), 1) + 1
         if length >= self.length:
             return self
-        cut = {name: getattr(self, name)[:, :length] for name in ("measured", "seen") if self._has(name)}
-        swell = None if self.swell is None else self.swell[:, : length - self.lead]
-        return replace(self, length=length, swell=swell, **cut)
+        rows = {"measured": length, "seen": length, "swell": length - self.lead}
+        there = {name: count for name, count in rows.items() if getattr(self, name) is not None}
+        return replace(
+            self, length=length, **{name: getattr(self, name)[:, :count] for name, count in there.items()}
+        )
 
     def anchored(self) -> Shots:
         """Return a copy of the shots whose logged initial states count as samples (`anchor`).
@@ -167,10 +169,6 @@ class Shots:
         if self.seen is not None:
             shown = shown & self.seen.any(axis=1)
         return replace(self, anchor=np.where(shown, 1.0 / error, 0.0))
-
-    def _has(self, name: str) -> bool:
-        """Return whether a field is not None."""
-        return getattr(self, name) is not None
 
     def begun_at(self, record: Recording) -> Shots:
         """Return a copy of the shots with initial states from the smoothed motion of another recording.

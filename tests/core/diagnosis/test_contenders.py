@@ -85,40 +85,45 @@ WEIGHT = {"name": "payload", "w": 8.0, "x": 0.2, "y": 0.1, "z": 0.0, "mass": 1.0
 """and the weight."""
 
 
-def kept(monkeypatch, left: dict[str, np.ndarray], joining: str | None = None) -> list[str]:
-    """The effects, of a tether and a payload with these costs, that stay when needless ones go."""
-    models = {"tether": (damped(FAR), 8), "payload": (damped(WEIGHT), 5)}
-    fits = {
-        name: Contender(
-            name, cast(Any, SimpleNamespace(values=np.zeros(models[name][1]), vehicle=models[name][0])), costs
-        )
-        for name, costs in left.items()
-    }
-    later = fits.pop(joining) if joining else None
+def fitted(table: dict[str, Any], count: int, costs: np.ndarray) -> Contender:
+    """A fit of so many values, with the cost of each shot."""
+    model = cast(Any, SimpleNamespace(values=np.zeros(count), vehicle=damped(table)))
+    return Contender(table["name"], model, costs)
 
-    def join(contest: Contest, fits: dict[str, Contender], table: Any) -> None:
-        if later is not None and table["name"] == joining:
-            assert table == {"name": "payload", "w": pytest.approx(8.0), "x": 0.2, "y": 0.1, "z": 0.0}
-            fits[joining] = later
 
-    monkeypatch.setattr(Contest, "_join", join)
+def tether(costs: np.ndarray) -> Contender:
+    return fitted(FAR, 8, costs)
+
+
+def payload(costs: np.ndarray) -> Contender:
+    return fitted(WEIGHT, 5, costs)
+
+
+def kept(*fits: Contender) -> list[str]:
+    """The effects that stay of these fits when needless ones go; nothing explains 50 floors."""
     compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: 50.0 * SHOTS)
     last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
-    return sorted(Contest(cast(Any, compared), cast(Any, last)).with_plainer(fits))
+    contest = Contest(cast(Any, compared), cast(Any, last))
+    return sorted(contest.with_plainer({one.effect: one for one in fits}))
 
 
 @pytest.mark.parametrize(("off", "names"), [(0.1, ["payload"]), (0.5, ["payload", "tether"])])
 def test_a_tether_with_a_far_anchor_below_must_be_distinct_from_a_payload(monkeypatch, off, names):
     noise = np.random.default_rng(0).normal(scale=0.5, size=SHOTS)
-    left = {"tether": np.ones(SHOTS), "payload": 1.0 + off + noise - noise.mean()}
-    assert kept(monkeypatch, left, joining="payload") == names
+
+    def join(contest: Contest, fits: dict[str, Contender], table: Any) -> None:
+        assert table == {"name": "payload", "w": pytest.approx(8.0), "x": 0.2, "y": 0.1, "z": 0.0}
+        fits["payload"] = payload(1.0 + off + noise - noise.mean())
+
+    monkeypatch.setattr(Contest, "_join", join)
+    assert kept(tether(np.ones(SHOTS))) == names
 
 
 @pytest.mark.parametrize(("off", "names"), [(0.0, ["payload"]), (-0.01, ["payload", "tether"])])
 def test_a_tether_that_fits_no_better_is_no_rival_of_a_payload(monkeypatch, off, names):
     """Otherwise the same force under another name lowers the confidence in the payload."""
-    left = {"payload": np.ones(SHOTS), "tether": np.full(SHOTS, 1.0 + off)}
-    assert kept(monkeypatch, left) == names
+    monkeypatch.setattr(Contest, "_join", lambda *_: None)
+    assert kept(payload(np.ones(SHOTS)), tether(np.full(SHOTS, 1.0 + off))) == names
 
 
 @pytest.mark.parametrize(
@@ -131,25 +136,12 @@ def test_a_tether_that_fits_no_better_is_no_rival_of_a_payload(monkeypatch, off,
 )
 def test_a_payload_beyond_the_hull_gives_way_to_the_moment_that_it_exerts(monkeypatch, x, share, names):
     """A shifted centre of buoyancy that removes most of the error is possible, such a payload is not."""
-    monkeypatch.setattr(Contest, "_join", lambda *_: None)
-    whole = 50.0
-    far = {"name": "payload", "w": 0.1, "x": x, "y": 0.0, "z": 0.0, "mass": 0.0}
     shifted = {"name": "buoyancy_offset", "dx": 0.01, "dy": 0.0, "dz": 0.0}
-    left = {"payload": (far, 5, 1.0), "buoyancy_offset": (shifted, 3, whole - share * (whole - 1.0))}
-    fits = {
-        name: Contender(
-            name,
-            cast(Any, SimpleNamespace(values=np.zeros(count), vehicle=damped(table))),
-            np.full(SHOTS, floors) + 0.01 * np.arange(SHOTS),
-        )
-        for name, (table, count, floors) in left.items()
-    }
-    fits["payload"].costs[:] = 1.0
-    compared = SimpleNamespace(floor=lambda _: float(SHOTS), cost=lambda _: whole * SHOTS)
-    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None), vehicle=damped())
-    contest = Contest(cast(Any, compared), cast(Any, last))
+    monkeypatch.setattr(Contest, "_join", lambda *_: None)
     monkeypatch.setattr(contenders, "plainer", lambda vehicle, name, file: [shifted] * (name == "payload"))
-    assert sorted(contest.with_plainer(fits)) == names
+    beyond = fitted(WEIGHT | {"w": 0.1, "x": x}, 5, np.ones(SHOTS))
+    left = 50.0 - share * 49.0 + 0.01 * np.arange(SHOTS)
+    assert kept(beyond, fitted(shifted, 3, left)) == names
 
 
 def pair(left: float, ahead: float, whole: float) -> Change:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import polars as pl
 import pytest
-from recordings import HULL, damped, moved, noisy
+from recordings import HULL, damped, four_sessions
 
 from hydro.core.diagnosis.pipeline import diagnose
 from hydro.core.diagnosis.settings import SURE
@@ -33,11 +33,7 @@ def with_roll(table, value: float) -> list[float]:
 
 def flown(added: float, seed: int) -> pl.DataFrame:
     """Four sessions of that vehicle, with a hull that its file does not describe."""
-    sessions = [
-        noisy(moved(rolling(added, HULL), seed=one, rows=800), one).with_columns(session=pl.lit(f"s{one}"))
-        for one in range(seed, seed + 4)
-    ]
-    return pl.concat(sessions)
+    return four_sessions(rolling(added, HULL), seed)
 
 
 def test_an_inertia_that_changes_the_phase_within_a_shot_is_named():
