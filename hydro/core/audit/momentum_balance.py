@@ -18,6 +18,11 @@ change slowly. Whitening keeps the fast changes, which thrusts cause and slow di
 
 The delay between command and motion is selected by the likelihood with all c_aj free, so its choice is
 independent of any hypothesis about the thrusters.
+
+A controller that opposes the motion on an axis makes thrusts that oppose any unknown disturbance there.  The
+acceleration is that of the sum of both, so thrusters seem weak, or reversed if the thrusts cancel less than
+half of the disturbance.  Accelerations on such an axis are not used.  Where the thrusters were reversed, the
+demand by the file would follow the motion instead of opposing it (`recording.feedback`).
 """
 
 from __future__ import annotations
@@ -38,6 +43,7 @@ from hydro.core.leaky_sum import leaky_sum
 from hydro.core.prediction.candidate import Candidate, candidate
 from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import Recording
+from hydro.core.recording.feedback import feedback
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, UNIT_WRENCH, thrusts
@@ -121,7 +127,8 @@ class Balance:
         score: Products of the thrust columns with the accelerations, for each axis, (6, K n).
         arms: Acceleration per newton of each thruster on each axis by the file, (6, n).
         kinds: Index of each thruster's thrust curve, (n,).
-        shown: Whether the acceleration on each axis was measured, (6,).
+        shown: Whether the acceleration on each axis was measured and is used, (6,).
+        held: Whether it was measured but is not used, because the commands oppose the motion there, (6,).
         inertia: Relative standard errors of the file's inertia about its axes, (6,).
         driven: Indices of the thrusters among the file's actuators, which include servos, (n,).
         idle: Whether each thruster did not run, (n,).
@@ -133,6 +140,7 @@ class Balance:
     arms: Array
     kinds: Rows
     shown: Mask
+    held: Mask
     inertia: Array
     driven: Rows
     idle: Mask
@@ -179,12 +187,15 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
         best = _cheapest(axes, pushed)
     count = forces.shape[1] - len(driven)
     gram, score = np.zeros((AXES, count, count)), np.zeros((AXES, count))
+    held = shown & feedback(vehicle, record).held
+    shown &= ~held
     for i in np.flatnonzero(shown):
         gram[i], score[i] = axes[i].reduced(pushed[best], count)
     own = forces[windows.rows][:, kinds * len(driven) + np.arange(len(driven))]
     idle = np.std(own, axis=0) < IDLE * limits
     delay = float(DELAYS[best])
-    return Balance(gram, score, arms, kinds, shown, _inertia_errors(vehicle, inverse), driven, idle, delay)
+    inertia = _inertia_errors(vehicle, inverse)
+    return Balance(gram, score, arms, kinds, shown, held, inertia, driven, idle, delay)
 
 
 def _windows(record: Recording, forces: Array) -> Windows:

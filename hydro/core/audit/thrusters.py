@@ -18,7 +18,7 @@ import polars.selectors as cs
 from hydro.core.audit.hypotheses import FACTORS, INERTIA, SPREAD, Posterior, effectiveness, posterior
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
-from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
+from hydro.core.columns import DOF, VELOCITY, Array, Mask, Rows, command_column
 from hydro.core.effects import wording
 from hydro.core.errors import in_shell, listed
 from hydro.core.interval import NORMAL_95
@@ -67,7 +67,8 @@ class ThrusterAudit:
         together: Groups of thrusters that the recording cannot separate, by index from 0.
         weak: Whether a thruster of `seen` hardly pushes, unless too small an inertia may be the cause, (n,).
         idle: Whether each thruster did not run, (n,).
-        shown: Whether the acceleration of each of u v w p q r was measured, (6,).
+        shown: Whether the acceleration of each of u v w p q r was measured and is used, (6,).
+        held: Whether it was measured but is not used, because the commands oppose the motion there, (6,).
         delay: Delay from command to motion [s].
     """
 
@@ -85,6 +86,7 @@ class ThrusterAudit:
     weak: Mask
     idle: Mask
     shown: Mask
+    held: Mask
     delay: float
 
     @property
@@ -108,8 +110,12 @@ class ThrusterAudit:
             yield self.headline()
         yield from self.statements(file, sources)
         yield from self._unseen()
-        if not self.shown.all():
-            hidden = [name for name, shown in zip(VELOCITY, self.shown, strict=True) if not shown]
+        if self.held.any():
+            yield (
+                f"a controller opposes the motion on {listed(_axes(self.held, DOF))}: "
+                "the accelerations there do not show directions and are not used"
+            )
+        if hidden := _axes(~self.shown & ~self.held, VELOCITY):
             yield f"accelerations of {listed(hidden)} are not measured and not used"
 
     def statements(self, file: str = "", sources: Sequence[str] | None = None) -> Iterator[str]:
@@ -279,6 +285,7 @@ def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
         weak=_full(weak, driven, count, False),
         idle=_full(found.idle, driven, count, False),
         shown=found.shown,
+        held=found.held,
         delay=found.delay,
     )
 
@@ -408,8 +415,8 @@ def _common_error(found: Balance) -> float:
 
     Errors stated in a file have one cause, the estimate of the hull, and are assumed fully correlated.
     """
-    independent = INERTIA / np.sqrt(found.shown.sum())
-    return float(max(independent, found.inertia[found.shown].mean()))
+    independent = INERTIA / np.sqrt(max(found.shown.sum(), 1))
+    return float(max(independent, np.mean(found.inertia, where=found.shown) if found.shown.any() else 0.0))
 
 
 def _interval(middle: float, error: float) -> tuple[float, float, float]:
@@ -462,6 +469,11 @@ def _full(values: Any, driven: Rows, count: int, other: Any) -> Any:
 def _places(mask: Mask) -> tuple[int, ...]:
     """Return the indices at which a mask is true."""
     return tuple(int(i) for i in np.flatnonzero(mask))
+
+
+def _axes(mask: Mask, names: Sequence[str]) -> list[str]:
+    """Return the names of the axes at which a mask (6,) is true."""
+    return [name for name, marked in zip(names, mask, strict=True) if marked]
 
 
 def _thrusters(indices: Sequence[int], word: str = "thruster") -> str:

@@ -52,17 +52,24 @@ class Feedback:
             over all axes.
         by_axis: The same fraction for each axis, (6,); 0 for axes without thrust.
         p_values: p-value of that dependence for each axis, (6,); 1 where the fraction is below MATERIAL.
+        opposing: Whether the demand of each axis opposes its motion, (6,).
     """
 
     share: float
     by_axis: Array
     p_values: Array
+    opposing: Mask
 
     @property
     def axes(self) -> tuple[int, ...]:
         """Axes, 0 (surge) to 5 (yaw), on which the commands depend significantly on pose or velocity."""
         sure = self.p_values <= ALPHA / len(DOF)
         return tuple(int(i) for i in np.flatnonzero(sure & (self.by_axis >= MATERIAL)))
+
+    @property
+    def held(self) -> Mask:
+        """Axes with feedback whose demand opposes the motion, (6,)."""
+        return np.isin(range(len(DOF)), self.axes) & self.opposing
 
     @property
     def closed(self) -> bool:
@@ -109,7 +116,7 @@ def feedback(vehicle: Vehicle, record: Recording) -> Feedback:
     demand, state = _demand(vehicle, record), _state(record)
     span = max(round(SECOND / record.dt), 1)
     begin = np.concatenate([np.arange(a, max(b - span, a)) for a, b in record.segments])
-    shares, p_values, total, left = np.zeros(6), np.ones(6), 0.0, 0.0
+    shares, p_values, opposing, total, left = np.zeros(6), np.ones(6), np.zeros(6, bool), 0.0, 0.0
     for axis in range(6):
         motion = state[:, [axis, 6 + axis]]
         problem = _problem(record, demand[:, axis], motion)
@@ -118,13 +125,14 @@ def feedback(vehicle: Vehicle, record: Recording) -> Feedback:
         laws = _laws(problem)
         gains = np.median(laws[:, -2:], axis=0)
         changes = demand[begin + span, axis] - demand[begin, axis]
-        made = (motion[begin + span] - motion[begin]) @ gains
+        moved = motion[begin + span] - motion[begin]
+        made, opposing[axis] = moved @ gains, np.std(moved, axis=0) @ gains < 0.0
         whole, rest = float((changes**2).sum()), float(((changes - made) ** 2).sum())
         shares[axis] = max(1.0 - rest / max(whole, 1e-300), 0.0)
         if shares[axis] >= MATERIAL:
             p_values[axis] = _chance(problem, laws)
         total, left = total + whole, left + min(rest, whole)
-    return Feedback(1.0 - left / total if total > 0.0 else 0.0, shares, p_values)
+    return Feedback(1.0 - left / total if total > 0.0 else 0.0, shares, p_values, opposing)
 
 
 def _demand(vehicle: Vehicle, record: Recording) -> Array:

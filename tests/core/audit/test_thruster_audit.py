@@ -326,7 +326,7 @@ def regressed(arms, gram, score) -> Balance:
     count = arms.shape[1]
     every, none = np.ones(6, bool), np.zeros(count, bool)
     kinds, driven = np.zeros(count, np.int64), np.arange(count)
-    return Balance(gram, score, arms, kinds, every, np.zeros(6), driven, none, 0.0)
+    return Balance(gram, score, arms, kinds, every, ~every, np.zeros(6), driven, none, 0.0)
 
 
 def pushing(strengths, information=100.0) -> Balance:
