@@ -6,8 +6,9 @@ baseline fit, or that of the present model.  A sensor error that kinematics show
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import cast
 
 import msgspec
@@ -40,11 +41,14 @@ from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit as equation_error
+from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.outcome import Fit
+from hydro.core.identification.prior import about_file
 from hydro.core.identification.suspects import Suspect
 from hydro.core.prediction import multiple_shooting
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError, in_waves
+from hydro.core.prediction.parameters import Free
 from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
@@ -105,6 +109,10 @@ class Baseline:
         """Vehicle whose values are the prior knowledge, independent of this recording."""
         return self.file or self.vehicle
 
+    def known(self, unknown: Free) -> Prior:
+        """Return the prior of the components of a fit, from the values of the file."""
+        return about_file(self.file or self.filed, unknown)
+
     def thinned(self) -> Baseline:
         """Return the baseline with SHOTS of its shots, if its mean squared residual is above FAR_FROM_NOISE.
 
@@ -125,7 +133,7 @@ class Baseline:
 
     def at_file(self) -> Model:
         """Return the model with the existing effects free, at the values of `filed`, without a fit."""
-        return fit_model(self.filed, self.effects, self.problem, self.log.track, 0)
+        return fit_model(self.filed, self.effects, self.problem, self.log.track, 0, known=self.known)
 
     def explained(self, model: Model) -> float:
         """Return the share of the baseline fit's error beyond the noise that a model explains.
@@ -287,22 +295,33 @@ def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
     return OutputError(problem.shots.of(stable)) if stable.mean() >= ALMOST_ALL else None
 
 
-def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
+def refit(
+    vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle, file: Vehicle | None = None
+) -> Baseline:
     """Refit the file's effects, and return the fit as the baseline of a search.
 
-    Each channel is weighted by its noise, white or coloured.
+    Each channel is weighted by its noise, white or coloured.  Values stay near those of the file as far as
+    the recording allows: without the missing effect they would run away, to a hull of a hundred times its
+    mass for instance, and absorb its error.
 
-    `start` is the file, or a vehicle with other damping if the predictions of the file diverge.
+    Args:
+        vehicle: Vehicle file.
+        log: Preprocessed recording.
+        problem: Shots.
+        start: The file, or a vehicle with other damping if the predictions of the file diverge.
+        file: Vehicle whose values are the prior knowledge, if that is another one.
     """
     effects, warnings = own_effects(start), []
-    refitted, problem, reached = weighed_fit(start, effects, problem, log)
+    known = partial(about_file, file or start)
+    refitted, problem, reached = weighed_fit(start, effects, problem, log, known=known)
     if start is not vehicle:
         warnings.append(DIVERGED_FILE)
     if not reached:
         warnings.append(DIVERGED_REFIT)
     given = unfitted(vehicle, problem)
+    warned = tuple(warnings)
     return Baseline(
-        vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=tuple(warnings)
+        vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=warned, file=file
     )
 
 
@@ -324,27 +343,34 @@ def allowing_for_waves(baseline: Baseline) -> Baseline:
         forces = allowed.refitted.vehicle
         model = candidate(msgspec.structs.replace(forces, effect=(*forces.effect, sea.table)))
         problem = OutputError(in_waves(replace(shots, swell=None), model))
-        again = refit(vehicle, log, problem, baseline.filed)
+        again = refit(vehicle, log, problem, baseline.filed, baseline.file)
         gone = 1.0 - again.refitted.excess / max(baseline.refitted.excess, 1e-9)
         if not gone >= MATERIAL:
             break
-        allowed = replace(again, file=baseline.file, sea=sea, calmed=gone)
+        allowed = replace(again, sea=sea, calmed=gone)
     return allowed
 
 
 def weighed_fit(
-    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = STEP_SHARE
+    vehicle: Vehicle,
+    effects: Wanted,
+    problem: OutputError,
+    log: Preprocessed,
+    share: float = STEP_SHARE,
+    known: Callable[[Free], Prior] | None = None,
 ) -> tuple[Model, OutputError, bool]:
     """Fit effects with each channel weighted by its noise, white or coloured.
+
+    The arguments are those of `fit_model`.
 
     Returns:
         The model, or the vehicle with its starting values where the fit diverges; the weighted shots; and
         whether the fit converged without divergence.
     """
-    model, reached = fitted_or_kept(vehicle, effects, problem, log.track, share)
-    model = from_elsewhere(model, problem, log.track, share)
+    model, reached = fitted_or_kept(vehicle, effects, problem, log.track, share, known)
+    model = from_elsewhere(model, problem, log.track, share, known)
     sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
         problem, along = problem.weighed(sigma), cast(OutputError, model.problem).weighed(sigma)
-        model, reached = fitted_or_kept(model.vehicle, names_of(effects), along, log.track, share)
+        model, reached = fitted_or_kept(model.vehicle, names_of(effects), along, log.track, share, known)
     return model, problem, reached

@@ -68,12 +68,14 @@ class Model:
         values: Fitted values, (P,).
         problem: Shots, with initial states that follow the fit.
         normal: Problem linearised about the values, in units of the components' scales.
+        prior: Prior of the values from a vehicle file; None without one.
     """
 
     unknown: Free
     values: Array
     problem: Problem
     normal: Normal
+    prior: Prior | None = None
 
     @property
     def vehicle(self) -> Vehicle:
@@ -111,9 +113,15 @@ class Model:
 
     @property
     def penalised(self) -> Array:
-        """Squared residual of each shot plus an equal part of the penalty for all parameters, (S,)."""
-        shots = len(self.costs)
-        penalised: Array = self.costs + penalty(shots, len(self.values), self.normal.chi2) / shots
+        """Squared residual of each shot plus an equal part of the penalties, (S,).
+
+        They are those of the number of parameters and of their distance from a file's values.
+        """
+        shots, chi2 = len(self.costs), self.normal.chi2
+        much = penalty(shots, len(self.values), chi2)
+        if self.prior is not None:
+            much += self.prior.at(chi2).cost(self.values / self.unknown.scales)
+        penalised: Array = self.costs + much / shots
         return penalised
 
 
@@ -278,7 +286,7 @@ def _descended(
     except np.linalg.LinAlgError as error:
         effects = ", ".join(unknown.effects)
         raise Diverges(f"no step from the values of {effects} reduces the error") from error
-    return Model(unknown, values, problem, normal)
+    return Model(unknown, values, problem, normal, prior)
 
 
 def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
@@ -288,19 +296,25 @@ def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
 
 
 def fitted_or_kept(
-    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = STEP_SHARE
+    vehicle: Vehicle,
+    effects: Wanted,
+    problem: Problem,
+    reach: Array,
+    share: float = STEP_SHARE,
+    known: Callable[[Free], Prior] | None = None,
 ) -> tuple[Model, bool]:
     """Return the vehicle with the parameters of some effects fitted to convergence, and True.
 
-    If the fit diverges, return the model with the vehicle's present values, and False.
+    If the fit diverges, return the model with the vehicle's present values, and False.  The arguments are
+    those of `fit_model`.
 
     Raises:
         Diverges: The predictions diverge with the present values too.
     """
     try:
-        return fit_model(vehicle, effects, problem, reach, ITERATIONS, share), True
+        return fit_model(vehicle, effects, problem, reach, ITERATIONS, share, known), True
     except Diverges:
-        return fit_model(vehicle, effects, problem, reach, 0), False
+        return fit_model(vehicle, effects, problem, reach, 0, known=known), False
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
@@ -308,18 +322,29 @@ def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
-    values, normal, problem = descend(unknown, values, model.problem, iterations, STEP_GAIN, share)
-    return Model(unknown, values, problem, normal) if normal.cost < model.normal.cost else model
+    values, normal, problem = descend(
+        unknown, values, model.problem, iterations, STEP_GAIN, share, model.prior
+    )
+    return Model(unknown, values, problem, normal, model.prior) if normal.cost < model.normal.cost else model
 
 
-def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = STEP_SHARE) -> Model:
-    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`)."""
+def from_elsewhere(
+    model: Model,
+    problem: Problem,
+    reach: Array,
+    share: float = STEP_SHARE,
+    known: Callable[[Free], Prior] | None = None,
+) -> Model:
+    """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
+
+    The arguments are those of `fit_model`.
+    """
     if model.excess < MATERIAL * model.normal.residuals:
         return model
     names = model.unknown.effects
     for values in elsewhere(model.unknown, model.values, problem, reach, model.normal.cost):
         try:
-            other = fit_model(model.unknown.at(values), names, problem, reach, ITERATIONS, share)
+            other = fit_model(model.unknown.at(values), names, problem, reach, ITERATIONS, share, known)
         except Diverges:
             continue
         if other.normal.cost < model.normal.cost:

@@ -175,7 +175,7 @@ def diagnose_log(
         if in_vain and unfitted(start, shots).normal.chi2 > FAR_FROM_NOISE:
             shots = shots.coarsened(start)
         search("baseline fit", 0.05)
-        calm = replace(refit(vehicle, log, shots, start), file=file)
+        calm = refit(vehicle, log, shots, start, file)
         found = without_discrepancy(calm, search, in_vain, provisional)
     if beyond is not None and not log.misdirected:
         found = beyond(vehicle, log, found, part(progress, search_end, end))

@@ -489,7 +489,8 @@ class Search:
         wanted, shots = [*self.baseline.effects, *chosen], cast(OutputError, problem).shots
         begun = (repr((vehicle.effect, wanted, iterations)), shots.starts.tobytes(), shots.first.tobytes())
         if begun not in self.made:
-            self.made[begun] = fit_model(vehicle, wanted, problem, self.baseline.log.track, iterations)
+            known, reach = self.baseline.known, self.baseline.log.track
+            self.made[begun] = fit_model(vehicle, wanted, problem, reach, iterations, known=known)
         return self.made[begun]
 
 

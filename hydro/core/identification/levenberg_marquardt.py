@@ -48,10 +48,13 @@ class Prior:
     Attributes:
         centre: Mean of the distribution, (P,).
         information: Inverse of the variances, (P,), in units of the least-squares problem's information.
+        tempered: Whether a fit multiplies the information by its reduced chi-square at the start.  Where a
+            model is wrong, a unit of squared residual holds less information.
     """
 
     centre: Array
     information: Array
+    tempered: bool = False
 
     @classmethod
     def weak(cls, start: Array) -> Prior:
@@ -61,6 +64,12 @@ class Prior:
             start: Initial values in units of the components' scales, (P,).
         """
         return cls(start, np.full(len(start), PRIOR**-2))
+
+    def at(self, chi2: float) -> Prior:
+        """Return the prior of a fit whose reduced chi-square at the start is `chi2`."""
+        if not self.tempered or not 1.0 < chi2 < np.inf:
+            return self
+        return replace(self, information=chi2 * self.information)
 
     def cost(self, x: Array) -> float:
         """Return the sum of squared deviations of values from the prior's mean, each times its information.
@@ -139,9 +148,9 @@ def descend(
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
     x = start / scales
-    prior = prior or Prior.weak(x)
-    damping, reached, known = 1e-6, np.inf, prior.information
     normal = normal or linearised(unknown, x, problem)
+    prior = (prior or Prior.weak(x)).at(normal.chi2)
+    damping, reached, known = 1e-6, np.inf, prior.information
     for _ in range(iterations):
         matrix = normal.matrix.sum(axis=0) + np.diag(known)
         score = normal.score.sum(axis=0) - known * (x - prior.centre)

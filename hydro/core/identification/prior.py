@@ -16,7 +16,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification.levenberg_marquardt import PRIOR
+from hydro.core.identification.levenberg_marquardt import PRIOR, Prior
 from hydro.core.prediction.normal_equations import Normal, covariance
 from hydro.core.prediction.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
@@ -80,6 +80,20 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
         elif value > 0.0:
             found[i] = value
     return found
+
+
+def about_file(file: Vehicle, unknown: Free) -> Prior:
+    """Return the tempered prior of a fit: a file's effects near its values, new ones near their start.
+
+    Args:
+        file: Vehicle file.
+        unknown: The P free components.
+    """
+    scales, begun = unknown.scales, unknown.starts[0]
+    own = np.array([bool(file.effects(entry.effect)) for entry in unknown.entries], bool)
+    centre = np.where(own, unknown.within(in_file(file, unknown.entries)), begun) / scales
+    spread = np.where(own, deviations(file, unknown.entries) / scales, PRIOR)
+    return Prior(centre, spread**-2.0, tempered=True)
 
 
 def combined(
