@@ -47,7 +47,7 @@ from hydro.core.effects.record import Role
 from hydro.core.errors import listed
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import Prior, linearised
-from hydro.core.identification.outcome import Fit
+from hydro.core.identification.outcome import Fit, with_response_error
 from hydro.core.identification.prior import change_of, in_file
 from hydro.core.identification.suspects import is_curved
 from hydro.core.prediction.parameters import Entry, free
@@ -511,7 +511,8 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     held component that has changed a little would bias the others.  Only `entries` get new values.
 
     These move to the posterior mean if that lowers the error, and otherwise stay as fitted.  Damping and
-    added mass stay passive.  The distance of the values from the posterior mean adds to their covariance.
+    added mass stay passive.  The distance of the values from the posterior mean adds to their covariance, and
+    so does the error of the file's response (`with_response_error`).
     """
     names = list(dict.fromkeys(entry.effect for entry in entries))
     unknown = free(vehicle, names, reach=compared.log.track)
@@ -532,4 +533,4 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     fit = Model(unknown.holding(values, ~kept), reached, problem, normal).estimated()
     moved = fit.values - mean[kept]
     spread = (found.covariance * np.outer(scales, scales))[np.ix_(kept, kept)] + np.outer(moved, moved)
-    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+    return with_response_error(replace(fit, covariance=spread), file)

@@ -55,7 +55,7 @@ from hydro.core.effects.catalogue import implausible
 from hydro.core.effects.record import Table
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
-from hydro.core.identification.outcome import Fit
+from hydro.core.identification.outcome import Fit, with_response_error
 from hydro.core.identification.prior import change_of
 from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
@@ -198,10 +198,11 @@ def by_transfer(baseline: Baseline, progress: Progress, near: Mapping[str, Table
         fit = model.estimated() if rival.allowed is None else rival.estimated()
         if not _is_present(fit, rival.effect):
             continue
+        fit = with_response_error(fit, baseline.vehicle)
         model, without = _in_noise(model, fine), _in_noise(without, fine)
         others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
         finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
-        rest = _nearly_as_good(rival, surveyed, others, finding, baseline.log.record.dt)
+        rest = _nearly_as_good(rival, surveyed, others, finding, baseline)
         named = Named((finding, *rest), model, fit, alone, surveyed.rivals)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
@@ -322,7 +323,7 @@ def _finding(
 
 
 def _nearly_as_good(
-    rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
+    rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, baseline: Baseline
 ) -> Iterator[Finding]:
     """Yield effects with at least half the score of the named effect as unconfirmed findings.
 
@@ -338,7 +339,8 @@ def _nearly_as_good(
         fit = one.estimated()
         if not _is_present(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
-        adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
+        fit = with_response_error(fit, baseline.vehicle)
+        adding = advice.adding(one.effect, fit.table(one.effect)[0], baseline.log.record.dt)
         words = f"{adding}; {worth(one) / worth(rival):.0%} as good as {rival.effect} {by}"
         confidence = min((1.0 - finding.confidence) * worth(one) / whole, finding.confidence)
         yield _named(one, one.model, surveyed.refitted, fit, words, confidence)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import implausible
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.passivity import accepted, possible
-from hydro.core.identification.prior import combined, stated
+from hydro.core.identification.prior import KNOWN, combined, in_file, stated
 from hydro.core.prediction.normal_equations import Normal, covariance
 from hydro.core.prediction.parameters import Free, effect_table
 from hydro.core.simulation.estimates import Estimate, Estimates
@@ -30,6 +30,8 @@ IMPASSIVE = (
     "the best-fit damping or added mass would add energy to the vehicle; the values given are the best "
     "ones of a passive hull"
 )
+OF_FORCE = ("wrench", "inertia", "actuator")
+"""Kinds of effects whose values follow from accelerations."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,20 @@ def information(normal: Normal) -> Array:
     information = normal.matrix.sum(axis=0)
     total: Array = information + PRIOR**-2 * np.eye(len(information))
     return total
+
+
+def with_response_error(fit: Fit, file: Vehicle) -> Fit:
+    """Return a fit whose standard errors include the error of the file's response to forces.
+
+    A fit infers a force from the motion that it causes, by the inertia of the file.  Where no model reaches
+    the noise, inertia is known to KNOWN, and so is the change of a force or mass from its value in the file.
+    Places, times, sensor errors and the motion of the water do not follow from inertia.
+    """
+    entries = fit.free.entries
+    of_force = [CATALOGUE[one.effect].kind in OF_FORCE and one.unit not in ("m", "s") for one in entries]
+    error = np.where(of_force, KNOWN * (fit.values - in_file(file, entries)), 0.0)
+    spread = fit.covariance + np.diag(error**2)
+    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
 
 
 def with_uncertainty(

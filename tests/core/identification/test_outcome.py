@@ -7,7 +7,8 @@ import pytest
 from recordings import damped
 
 from hydro.core.identification.levenberg_marquardt import PRIOR
-from hydro.core.identification.outcome import Fit, with_uncertainty
+from hydro.core.identification.outcome import Fit, with_response_error, with_uncertainty
+from hydro.core.identification.prior import KNOWN
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.parameters import free
 
@@ -75,3 +76,19 @@ def test_least_standard_errors_widen_the_covariance_and_keep_its_correlations():
     )
     correlation = wide.covariance[0, 1] / wide.standard_errors[0] / wide.standard_errors[1]
     assert correlation == pytest.approx(0.5, rel=1e-6)
+
+
+def test_a_force_is_known_no_better_than_the_inertia_of_the_file():
+    """A place and a value that did not change keep their standard errors."""
+    file = damped()
+    table = {"name": "payload", "w": 8.0, "mass": 2.0, "x": 0.3, "y": 0.0, "z": 0.1}
+    unknown = free(file, [table])
+    count, names = len(unknown.entries), [entry.parameter for entry in unknown.entries]
+    gram = 1e4 * np.eye(count + 1)[None]
+    normal = Normal(gram, 60, np.full((1, 12), 5.0), np.zeros((1, 0, count + 1)))
+    plain = with_uncertainty(unknown, unknown.starts[0], normal, 1.0, "output")
+    fit = with_response_error(plain, file)
+    size = np.array([{"w": 8.0, "mass": 2.0}.get(name, 0.0) for name in names])
+    np.testing.assert_allclose(fit.standard_errors, np.hypot(plain.standard_errors, KNOWN * size))
+    again = with_response_error(plain, plain.vehicle)
+    np.testing.assert_allclose(again.standard_errors, plain.standard_errors)
