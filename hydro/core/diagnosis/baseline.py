@@ -110,8 +110,8 @@ class Baseline:
         return self.file or self.vehicle
 
     def known(self, unknown: Free) -> Prior:
-        """Return the prior of the components of a fit, from the values of the file."""
-        return about_file(self.file or self.filed, unknown)
+        """Return the prior of the components of a fit: the free effects of the file, near its values."""
+        return about_file(self.file or self.filed, self.effects, unknown)
 
     def thinned(self) -> Baseline:
         """Return the baseline with SHOTS of its shots, if its mean squared residual is above FAR_FROM_NOISE.
@@ -312,7 +312,7 @@ def refit(
         file: Vehicle whose values are the prior knowledge, if that is another one.
     """
     effects, warnings = own_effects(start), []
-    known = partial(about_file, file or start)
+    known = partial(about_file, file or start, effects)
     refitted, problem, reached = weighed_fit(start, effects, problem, log, known=known)
     if start is not vehicle:
         warnings.append(DIVERGED_FILE)

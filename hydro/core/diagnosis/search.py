@@ -234,18 +234,26 @@ class Search:
     ) -> dict[str, Model]:
         """Fit quickly those candidates whose gain is close to the largest.
 
+        If none of them is acceptable, the change is too large for linear gains, and further ones follow.
+
         Returns:
             Existing and new fits, by effect.
         """
         most, fits, vehicle = max(gains.values(), default=0.0), dict(known), screening.model.vehicle
-        for name in gains:
-            if name in known:
-                continue
+
+        def is_near(name: str) -> bool:
             all_explained = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
             near = (SIMILAR_CURVED if is_curved(name) and not all_explained else SIMILAR) * most
-            if screening.gains[name] < near or len(fits) == CONTENDERS:
+            return screening.gains[name] >= near and len(fits) < CONTENDERS
+
+        def is_further(name: str) -> bool:
+            left = min((fit.normal.chi2 for fit in fits.values()), default=np.inf)
+            return left > FIT and len(fits) < 2 * CONTENDERS
+
+        for name, wanted in [*((one, is_near) for one in gains), *((one, is_further) for one in gains)]:
+            if name in fits or not wanted(name):
                 continue
-            progress(f"{name} against the residual", 0.6 * len(fits) / CONTENDERS)
+            progress(f"{name} against the residual", 0.6 * len(fits) / (2 * CONTENDERS))
             fine = shapes(vehicle, name, reach=self.baseline.log.track)
             try:
                 finer = self.baseline.screened(screening.model, fine) if fine else screening

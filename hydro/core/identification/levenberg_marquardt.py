@@ -48,8 +48,8 @@ class Prior:
     Attributes:
         centre: Mean of the distribution, (P,).
         information: Inverse of the variances, (P,), in units of the least-squares problem's information.
-        tempered: Whether a fit multiplies the information by its reduced chi-square at the start.  Where a
-            model is wrong, a unit of squared residual holds less information.
+        tempered: Whether each step of a fit multiplies the information by the present reduced chi-square.
+            Where a model is wrong, a unit of squared residual holds less information.
     """
 
     centre: Array
@@ -66,7 +66,7 @@ class Prior:
         return cls(start, np.full(len(start), PRIOR**-2))
 
     def at(self, chi2: float) -> Prior:
-        """Return the prior of a fit whose reduced chi-square at the start is `chi2`."""
+        """Return the prior of a step from a reduced chi-square of `chi2`."""
         if not self.tempered or not 1.0 < chi2 < np.inf:
             return self
         return replace(self, information=chi2 * self.information)
@@ -149,9 +149,10 @@ def descend(
     low, high = (bound / scales for bound in unknown.bounds)
     x = start / scales
     normal = normal or linearised(unknown, x, problem)
-    prior = (prior or Prior.weak(x)).at(normal.chi2)
-    damping, reached, known = 1e-6, np.inf, prior.information
+    given, damping, reached = prior or Prior.weak(x), 1e-6, np.inf
     for _ in range(iterations):
+        prior = given.at(normal.chi2)
+        known = prior.information
         matrix = normal.matrix.sum(axis=0) + np.diag(known)
         score = normal.score.sum(axis=0) - known * (x - prior.centre)
         worth = max(enough * max(1.0, normal.chi2), share * (normal.cost - normal.residuals))

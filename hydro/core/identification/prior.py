@@ -9,7 +9,7 @@ assumption.  The result hardly depends on the prior where the recording has more
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,15 +82,16 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
     return found
 
 
-def about_file(file: Vehicle, unknown: Free) -> Prior:
-    """Return the tempered prior of a fit: a file's effects near its values, new ones near their start.
+def about_file(file: Vehicle, effects: Collection[str], unknown: Free) -> Prior:
+    """Return the tempered prior of a fit: a file's effects near its values, all others near their start.
 
     Args:
         file: Vehicle file.
+        effects: Names of the effects that have their values in the file, as far as the file has them.
         unknown: The P free components.
     """
     scales, begun = unknown.scales, unknown.starts[0]
-    own = np.array([bool(file.effects(entry.effect)) for entry in unknown.entries], bool)
+    own = np.array([e.effect in effects and bool(file.effects(e.effect)) for e in unknown.entries], bool)
     centre = np.where(own, unknown.within(in_file(file, unknown.entries)), begun) / scales
     spread = np.where(own, deviations(file, unknown.entries) / scales, PRIOR)
     return Prior(centre, spread**-2.0, tempered=True)

@@ -169,7 +169,7 @@ def test_evidence_ranks_names_if_it_is_large_enough(monkeypatch):
     assert order(monkeypatch, evidence, scores) == (False, list(scores)), "chance alone gives as much"
 
 
-def test_further_names_have_no_more_confidence_than_the_first():
+def test_further_names_have_no_more_confidence_than_the_first(monkeypatch):
     """Two that have all but the same evidence: neither is likely, and the better is not the less sure."""
     table = {"v_N": 0.2, "v_E": 0.1}
     vehicle = extended(files.read(VEHICLES / "auv151.toml")[0], [{"name": "ocean_current", **table}])
@@ -185,5 +185,7 @@ def test_further_names_have_no_more_confidence_than_the_first():
     )
     survey = Survey(cast(Any, model), cast(Any, (first, second)), by_evidence=True)
     finding = SimpleNamespace(confidence=0.05)
-    (told,) = by_evidence._nearly_as_good(*cast(Any, (first, survey, [second], finding, 0.02)))
+    monkeypatch.setattr(by_evidence, "with_response_error", lambda fit, file: fit)
+    baseline = SimpleNamespace(vehicle=vehicle, log=SimpleNamespace(record=SimpleNamespace(dt=0.02)))
+    (told,) = by_evidence._nearly_as_good(*cast(Any, (first, survey, [second], finding, baseline)))
     assert (told.effect, told.confidence) == ("ocean_current", finding.confidence)
