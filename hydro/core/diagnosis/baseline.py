@@ -113,6 +113,12 @@ class Baseline:
         """Return the prior of the components of a fit: the free effects of the file, near its values."""
         return about_file(self.file or self.filed, self.effects, unknown)
 
+    def compared(self, model: Model) -> Model:
+        """Return a fit with the prior of all effects of the file, for comparisons with other fits."""
+        file = self.file or self.filed
+        names = [str(table["name"]) for table in file.effect]
+        return replace(model, expected=about_file(file, names, model.unknown))
+
     def thinned(self) -> Baseline:
         """Return the baseline with SHOTS of its shots, if its mean squared residual is above FAR_FROM_NOISE.
 
@@ -320,9 +326,10 @@ def refit(
         warnings.append(DIVERGED_REFIT)
     given = unfitted(vehicle, problem)
     warned = tuple(warnings)
-    return Baseline(
+    made = Baseline(
         vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=warned, file=file
     )
+    return replace(made, refitted=made.compared(refitted))
 
 
 def allowing_for_waves(baseline: Baseline) -> Baseline:

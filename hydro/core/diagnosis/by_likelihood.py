@@ -132,9 +132,10 @@ def searched(
     Without the missing effect, refitted values may run away and no step leads back from them.  A model fits
     if its mean squared residual is at most RIGHT times the noise variance.
 
-    1. The first search starts from the refitted values.  If it fits, it is returned.  It pauses if its first
-       effect leaves more than FAR_FROM_NOISE times the noise variance.
-    2. Otherwise a second search starts from the file's values.  It is returned only if it fits.
+    1. The first search starts from the refitted values.  If it fits with values near those of the file, or
+       reaches the noise, it is returned.  It pauses if its first effect leaves more than FAR_FROM_NOISE times
+       the noise variance.
+    2. Otherwise a second search starts from the file's values.  It is returned only if it fits, and better.
     3. Otherwise the first search is returned, continued if it had paused.
 
     Returns:
@@ -143,14 +144,21 @@ def searched(
     first = Search(baseline, told=provisional)
     again = replace(first, from_file=True)
     found = first.grow(part(progress, 0.0, 0.4), far=FAR_FROM_NOISE)
-    if found.model.normal.chi2 <= RIGHT:
+    if found.model.normal.chi2 <= (1.0 + MATERIAL if is_absurd(baseline, found.model) else RIGHT):
         return first, found
     other = again.grow(part(progress, 0.2, 0.45), other=found)
-    if other.model.normal.chi2 <= RIGHT:
+    if other.model.normal.chi2 <= RIGHT and other.model.penalised.sum() < found.model.penalised.sum():
         return again, other
     if first.waits(found.model, found.found, FAR_FROM_NOISE):
         found = first.grow(part(progress, 0.3, 0.45), found)
     return first, found
+
+
+def is_absurd(baseline: Baseline, model: Model) -> bool:
+    """Return whether any fitted value of an effect of the file is far from the file's value."""
+    own = [i for i, entry in enumerate(model.unknown.entries) if baseline.beforehand.effects(entry.effect)]
+    entries = [model.unknown.entries[i] for i in own]
+    return bool(own) and greatest_change(baseline.beforehand, entries, model.values[own]).deviations > ABSURD
 
 
 def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Search, Outcome]:
@@ -167,9 +175,7 @@ def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Sear
         progress: Called with a short text and the share of the work done.
     """
     baseline, refitted = search.baseline, search.baseline.refitted
-    if not refitted.unknown.entries or not np.isfinite(baseline.given.normal.cost):
-        return search, outcome
-    if greatest_change(baseline.beforehand, refitted.unknown.entries, refitted.values).deviations <= ABSURD:
+    if not np.isfinite(baseline.given.normal.cost) or not is_absurd(baseline, refitted):
         return search, outcome
     held = Search(replace(baseline, effects=(), refitted=baseline.given))
     other = held.grow(progress)

@@ -68,14 +68,15 @@ class Model:
         values: Fitted values, (P,).
         problem: Shots, with initial states that follow the fit.
         normal: Problem linearised about the values, in units of the components' scales.
-        prior: Prior of the values from a vehicle file; None without one.
+        expected: Prior of the values of the file's effects, for comparisons with other models; None without
+            one.
     """
 
     unknown: Free
     values: Array
     problem: Problem
     normal: Normal
-    prior: Prior | None = None
+    expected: Prior | None = None
 
     @property
     def vehicle(self) -> Vehicle:
@@ -115,12 +116,14 @@ class Model:
     def penalised(self) -> Array:
         """Squared residual of each shot plus an equal part of the penalties, (S,).
 
-        They are those of the number of parameters and of their distance from a file's values.
+        They are those of the number of parameters and of their distance from the file's values.  The second
+        counts as far as the model's error exceeds the noise: a wrong model fits best with absurd values, and
+        for a right one the likelihood decides.
         """
         shots, chi2 = len(self.costs), self.normal.chi2
         much = penalty(shots, len(self.values), chi2)
-        if self.prior is not None:
-            much += self.prior.at(chi2).cost(self.values / self.unknown.scales)
+        if self.expected is not None:
+            much += max(chi2 - 1.0, 0.0) * self.expected.cost(self.values / self.unknown.scales)
         penalised: Array = self.costs + much / shots
         return penalised
 
@@ -286,7 +289,7 @@ def _descended(
     except np.linalg.LinAlgError as error:
         effects = ", ".join(unknown.effects)
         raise Diverges(f"no step from the values of {effects} reduces the error") from error
-    return Model(unknown, values, problem, normal, prior)
+    return Model(unknown, values, problem, normal)
 
 
 def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
@@ -322,10 +325,8 @@ def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
     unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, SMALL_STEP)
     if np.array_equal(values, model.values):
         return model
-    values, normal, problem = descend(
-        unknown, values, model.problem, iterations, STEP_GAIN, share, model.prior
-    )
-    return Model(unknown, values, problem, normal, model.prior) if normal.cost < model.normal.cost else model
+    values, normal, problem = descend(unknown, values, model.problem, iterations, STEP_GAIN, share)
+    return Model(unknown, values, problem, normal) if normal.cost < model.normal.cost else model
 
 
 def from_elsewhere(

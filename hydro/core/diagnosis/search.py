@@ -498,7 +498,8 @@ class Search:
         begun = (repr((vehicle.effect, wanted, iterations)), shots.starts.tobytes(), shots.first.tobytes())
         if begun not in self.made:
             known, reach = self.baseline.known, self.baseline.log.track
-            self.made[begun] = fit_model(vehicle, wanted, problem, reach, iterations, known=known)
+            fitted = fit_model(vehicle, wanted, problem, reach, iterations, known=known)
+            self.made[begun] = self.baseline.compared(fitted)
         return self.made[begun]
 
 
