@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hydro.core.diagnosis import by_likelihood
 from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.by_likelihood import searched
 from hydro.core.diagnosis.model import Model
@@ -76,17 +77,20 @@ FIRST, RESUMED, FILED = "first", "resumed", "filed"
 
 
 @pytest.mark.parametrize(
-    ("left", "filed", "order", "answer"),
+    ("left", "absurd", "filed", "order", "answer"),
     [
-        (1.0, 1.0, [FIRST], FIRST),  # it fits
-        (50.0, 1.0, [FIRST, FILED], FILED),  # it does not, and the other does
-        (2 * FAR_FROM_NOISE, 1.0, [FIRST, FILED], FILED),
-        (2 * FAR_FROM_NOISE, 50.0, [FIRST, FILED, RESUMED], RESUMED),  # it had waited
-        (50.0, 50.0, [FIRST, FILED], FIRST),  # it had not
+        (1.0, True, 1.0, [FIRST], FIRST),  # it reaches the noise
+        (1.9, False, 1.0, [FIRST], FIRST),  # it fits
+        (1.9, True, 1.0, [FIRST, FILED], FILED),  # it fits with absurd values, and the other better
+        (1.8, True, 1.9, [FIRST, FILED], FIRST),  # the other is no better
+        (50.0, False, 1.0, [FIRST, FILED], FILED),  # it does not fit, and the other does
+        (2 * FAR_FROM_NOISE, False, 1.0, [FIRST, FILED], FILED),
+        (2 * FAR_FROM_NOISE, False, 50.0, [FIRST, FILED, RESUMED], RESUMED),  # it had waited
+        (50.0, False, 50.0, [FIRST, FILED], FIRST),  # it had not
     ],
 )
 def test_far_from_the_noise_the_search_starts_from_the_file_before_it_adds_a_second_effect(
-    monkeypatch, left: float, filed: float, order: list[str], answer: str
+    monkeypatch, left: float, absurd: bool, filed: float, order: list[str], answer: str
 ):
     asked: list[str] = []
 
@@ -95,10 +99,12 @@ def test_far_from_the_noise_the_search_starts_from_the_file_before_it_adds_a_sec
         assert far == (FAR_FROM_NOISE if asked[-1] == FIRST else np.inf)
         model = leaving(1.0 - FURTHER)
         model.normal.chi2 = filed if asked[-1] == FILED else left
+        model.penalised = np.array([model.normal.chi2])
         return SimpleNamespace(model=model, found=("payload",), said=asked[-1])
 
     monkeypatch.setattr(Search, "grow", grow)
     monkeypatch.setattr(Search, "explains_little", lambda *_: False)
+    monkeypatch.setattr(by_likelihood, "is_absurd", lambda *_: absurd)
     search, outcome = searched(begun_from(1.0), silent)
     assert (asked, cast(Any, outcome).said, search.from_file) == (order, answer, answer == FILED)
 
