@@ -431,7 +431,7 @@ def _finding(
         most: Greatest confidence, less than 1 if the hull-force model does not describe the vehicle.
     """
     name, frequency = change.best.effect, change.wins
-    parameters, errors = fit.table(name)
+    parameters, errors = with_response_error(fit, file).table(name)
     words = f"it removes {change.score:.0%} of the residual of held-out stretches"
     others = [f"{one} ({part:.0%})" for one, part in frequency.items() if one != name and part >= NEGLIGIBLE]
     if others:
@@ -448,7 +448,7 @@ def _finding(
 
     def limited(confidence: float) -> float:
         """Return a confidence with the evidence of the values, at most that of the hull-force model."""
-        limits = errors if left <= RIGHT else None
+        limits = fit.table(name)[1] if left <= RIGHT else None
         return min(limited_confidence(confidence * weight, fit.vehicle, name, limits), most)
 
     found = Finding.of(
@@ -501,7 +501,8 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
     held = in_file(extended(file, changes), entries) == given
     if held.any() and not held.all():
         model = held_at(model, np.where(held, given, model.values), held, QUICK_STEPS)
-    return joint_fit(compared, file, model.vehicle, model.unknown.entries)
+    fit = joint_fit(compared, file, model.vehicle, model.unknown.entries)
+    return with_response_error(fit, file)
 
 
 def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequence[Entry]) -> Fit:
@@ -511,8 +512,7 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     held component that has changed a little would bias the others.  Only `entries` get new values.
 
     These move to the posterior mean if that lowers the error, and otherwise stay as fitted.  Damping and
-    added mass stay passive.  The distance of the values from the posterior mean adds to their covariance, and
-    so does the error of the file's response (`with_response_error`).
+    added mass stay passive.  The distance of the values from the posterior mean adds to their covariance.
     """
     names = list(dict.fromkeys(entry.effect for entry in entries))
     unknown = free(vehicle, names, reach=compared.log.track)
@@ -533,4 +533,4 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     fit = Model(unknown.holding(values, ~kept), reached, problem, normal).estimated()
     moved = fit.values - mean[kept]
     spread = (found.covariance * np.outer(scales, scales))[np.ix_(kept, kept)] + np.outer(moved, moved)
-    return with_response_error(replace(fit, covariance=spread), file)
+    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))

@@ -119,6 +119,8 @@ def selected(
     search, outcome = searched(some, progress, provisional)
     if search.baseline is not baseline and outcome.model.normal.chi2 <= FAR_FROM_NOISE:
         search, outcome = searched(baseline, progress)
+    if not (outcome.found or search.wrong(outcome)):
+        search, outcome = simplest(search, outcome, part(progress, 0.4, 0.45))
     return search, outcome
 
 
@@ -157,6 +159,31 @@ def is_absurd(baseline: Baseline, model: Model) -> bool:
     own = [i for i, entry in enumerate(model.unknown.entries) if baseline.beforehand.effects(entry.effect)]
     entries = [model.unknown.entries[i] for i in own]
     return bool(own) and greatest_change(baseline.beforehand, entries, model.values[own]).deviations > ABSURD
+
+
+def simplest(search: Search, outcome: Outcome, progress: Progress) -> tuple[Search, Outcome]:
+    """Return a search, or one that changes effects singly, where refitted values are absurd.
+
+    All existing effects of the file are refitted before a search.  Together they can absorb an effect that
+    the file lacks.  Then a second search holds them at the file's values, and refits one of them only if that
+    explains most.  The search with the lower penalised cost is returned.  A second search that ends with all
+    of these effects refitted has the same model, so the first one is returned.
+
+    Args:
+        search: Search that found nothing.
+        outcome: Outcome of that search.
+        progress: Called with a short text and the share of the work done.
+    """
+    baseline, refitted = search.baseline, search.baseline.refitted
+    if not np.isfinite(baseline.given.normal.cost) or not is_absurd(baseline, refitted):
+        return search, outcome
+    held = Search(replace(baseline, effects=(), refitted=baseline.given))
+    other = held.grow(progress)
+    if not other.found or held.wrong(other) or set(other.effects) == set(baseline.effects):
+        return search, outcome
+    if other.model.penalised.sum() > refitted.penalised.sum():
+        return search, outcome
+    return held, other
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:

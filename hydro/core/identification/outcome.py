@@ -164,12 +164,15 @@ def with_response_error(fit: Fit, file: Vehicle) -> Fit:
     """Return a fit whose standard errors include the error of the file's response to forces.
 
     A fit infers a force from the motion that it causes, by the inertia of the file.  Where no model reaches
-    the noise, inertia is known to KNOWN, and so is the change of a force or mass from its value in the file.
-    Places, times, sensor errors and the motion of the water do not follow from inertia.
+    the noise, the added mass is known to KNOWN.  It is about half of the inertia; the other half is the mass
+    of the body.  So a change of a force or mass from its value in the file is known to KNOWN / 2.  Places,
+    times, sensor errors and the motion of the water do not follow from inertia.
+
+    The added error is relative to the change, so it is no reason to doubt that there is one.
     """
     entries = fit.free.entries
     of_force = [CATALOGUE[one.effect].kind in OF_FORCE and one.unit not in ("m", "s") for one in entries]
-    error = np.where(of_force, KNOWN * (fit.values - in_file(file, entries)), 0.0)
+    error = np.where(of_force, 0.5 * KNOWN * (fit.values - in_file(file, entries)), 0.0)
     spread = fit.covariance + np.diag(error**2)
     return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
 

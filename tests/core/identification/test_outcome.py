@@ -89,6 +89,6 @@ def test_a_force_is_known_no_better_than_the_inertia_of_the_file():
     plain = with_uncertainty(unknown, unknown.starts[0], normal, 1.0, "output")
     fit = with_response_error(plain, file)
     size = np.array([{"w": 8.0, "mass": 2.0}.get(name, 0.0) for name in names])
-    np.testing.assert_allclose(fit.standard_errors, np.hypot(plain.standard_errors, KNOWN * size))
+    np.testing.assert_allclose(fit.standard_errors, np.hypot(plain.standard_errors, KNOWN / 2.0 * size))
     again = with_response_error(plain, plain.vehicle)
     np.testing.assert_allclose(again.standard_errors, plain.standard_errors)
