@@ -22,6 +22,7 @@ from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, DOUBTFUL, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
+from hydro.core.identification.outcome import Fit
 from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import told_apart
 from hydro.report import change
@@ -73,17 +74,21 @@ LATE = {"name": "command_delay", "d": 0.02}
 
 def delayed(file, error, **options):
     """The finding of a clear change of the delay to 0.2 s, with a standard error."""
-    fit = SimpleNamespace(
+    fit = Fit(
+        vehicle=damped(LATE | {"d": 0.2}),
         free=free(damped(LATE), ["command_delay"], reach=np.zeros((1, 3))),
         values=np.array([0.2]),
+        standard_errors=np.array([error]),
         covariance=np.array([[error**2]]),
-        vehicle=damped(LATE | {"d": 0.2}),
-        table=lambda _: ({"d": 0.2}, {"d": error}),
+        determined=np.array([True]),
+        chi2=1.0,
+        method="output",
+        warnings=(),
     )
     model = cast(Any, SimpleNamespace(vehicle=file, values=np.zeros(1)))
     best = Contender("command_delay", model, np.full(8, 1e-3))
     found = Change(best, {"command_delay": best}, np.full(8, 100.0), 8.0)
-    return before_._finding(found, file, cast(Any, fit), 0.02, 100.0, 1.0, **options)
+    return before_._finding(found, file, fit, 0.02, 100.0, 1.0, **options)
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.01, "retune"), (0.2, "suspect")])
