@@ -415,8 +415,8 @@ def _common_error(found: Balance) -> float:
 
     Errors stated in a file have one cause, the estimate of the hull, and are assumed fully correlated.
     """
-    independent = INERTIA / np.sqrt(max(found.shown.sum(), 1))
-    return float(max(independent, np.mean(found.inertia, where=found.shown) if found.shown.any() else 0.0))
+    axes = max(int(found.shown.sum()), 1)
+    return float(max(INERTIA / np.sqrt(axes), found.inertia[found.shown].sum() / axes))
 
 
 def _interval(middle: float, error: float) -> tuple[float, float, float]:

@@ -109,15 +109,19 @@ class Baseline:
         """Vehicle whose values are the prior knowledge, independent of this recording."""
         return self.file or self.vehicle
 
+    @property
+    def expected(self) -> Vehicle:
+        """Vehicle about whose values fits have their prior: prior knowledge, or the start of the fits."""
+        return self.file or self.filed
+
     def known(self, unknown: Free) -> Prior:
         """Return the prior of the components of a fit: the free effects of the file, near its values."""
-        return about_file(self.file or self.filed, self.effects, unknown)
+        return about_file(self.expected, self.effects, unknown)
 
     def compared(self, model: Model) -> Model:
         """Return a fit with the prior of all effects of the file, for comparisons with other fits."""
-        file = self.file or self.filed
-        names = [str(table["name"]) for table in file.effect]
-        return replace(model, expected=about_file(file, names, model.unknown))
+        names = [str(table["name"]) for table in self.expected.effect]
+        return replace(model, expected=about_file(self.expected, names, model.unknown))
 
     def thinned(self) -> Baseline:
         """Return the baseline with SHOTS of its shots, if its mean squared residual is above FAR_FROM_NOISE.
@@ -139,7 +143,7 @@ class Baseline:
 
     def at_file(self) -> Model:
         """Return the model with the existing effects free, at the values of `filed`, without a fit."""
-        return fit_model(self.filed, self.effects, self.problem, self.log.track, 0, known=self.known)
+        return fit_model(self.filed, self.effects, self.problem, self.log.track, 0)
 
     def explained(self, model: Model) -> float:
         """Return the share of the baseline fit's error beyond the noise that a model explains.

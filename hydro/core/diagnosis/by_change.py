@@ -533,4 +533,4 @@ def joint_fit(compared: Compared, file: Vehicle, vehicle: Vehicle, entries: Sequ
     fit = Model(unknown.holding(values, ~kept), reached, problem, normal).estimated()
     moved = fit.values - mean[kept]
     spread = (found.covariance * np.outer(scales, scales))[np.ix_(kept, kept)] + np.outer(moved, moved)
-    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+    return fit.with_covariance(spread)

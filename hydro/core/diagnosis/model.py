@@ -317,7 +317,7 @@ def fitted_or_kept(
     try:
         return fit_model(vehicle, effects, problem, reach, ITERATIONS, share, known), True
     except Diverges:
-        return fit_model(vehicle, effects, problem, reach, 0, known=known), False
+        return fit_model(vehicle, effects, problem, reach, 0), False
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:

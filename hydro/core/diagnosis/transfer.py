@@ -112,10 +112,7 @@ class Rival:
     def estimated(self) -> Fit:
         """Return the values of the model's components and their standard errors."""
         fit = replace(self.model, values=self.values).estimated()
-        if self.allowed is None:
-            return fit
-        spread = self.allowed.covariance
-        return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+        return fit if self.allowed is None else fit.with_covariance(self.allowed.covariance)
 
     @property
     def lead(self) -> float:

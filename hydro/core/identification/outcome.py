@@ -65,6 +65,10 @@ class Fit:
     share: float = 1.0
     changes: tuple[str, ...] = ()
 
+    def with_covariance(self, spread: Array) -> Fit:
+        """Return a copy with another covariance of the values, (P, P), and its standard errors."""
+        return replace(self, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+
     def tables(self) -> tuple[dict[str, Any], ...]:
         """Return the fitted effects, one dict each, as their `[[effect]]` tables in a vehicle file.
 
@@ -168,13 +172,12 @@ def with_response_error(fit: Fit, file: Vehicle) -> Fit:
     of the body.  So a change of a force or mass from its value in the file is known to KNOWN / 2.  Places,
     times, sensor errors and the motion of the water do not follow from inertia.
 
-    The added error is relative to the change, so it is no reason to doubt that there is one.
+    The added error is relative to the change.  So a test whether there is a change leaves it out.
     """
     entries = fit.free.entries
     of_force = [CATALOGUE[one.effect].kind in OF_FORCE and one.unit not in ("m", "s") for one in entries]
     error = np.where(of_force, 0.5 * KNOWN * (fit.values - in_file(file, entries)), 0.0)
-    spread = fit.covariance + np.diag(error**2)
-    return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+    return fit.with_covariance(fit.covariance + np.diag(error**2))
 
 
 def with_uncertainty(

@@ -61,15 +61,19 @@ class Feedback:
     opposing: Mask
 
     @property
+    def significant(self) -> Mask:
+        """Whether the commands depend significantly on pose or velocity on each axis, (6,)."""
+        return (self.p_values <= ALPHA / len(DOF)) & (self.by_axis >= MATERIAL)
+
+    @property
     def axes(self) -> tuple[int, ...]:
         """Axes, 0 (surge) to 5 (yaw), on which the commands depend significantly on pose or velocity."""
-        sure = self.p_values <= ALPHA / len(DOF)
-        return tuple(int(i) for i in np.flatnonzero(sure & (self.by_axis >= MATERIAL)))
+        return tuple(int(i) for i in np.flatnonzero(self.significant))
 
     @property
     def held(self) -> Mask:
-        """Axes with feedback whose demand opposes the motion, (6,)."""
-        return np.isin(range(len(DOF)), self.axes) & self.opposing
+        """Whether the demand depends on the motion of each axis and opposes it, (6,)."""
+        return self.significant & self.opposing
 
     @property
     def closed(self) -> bool:
