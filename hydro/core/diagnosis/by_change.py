@@ -143,12 +143,15 @@ class ByChange:
         """Return whether the search for changes continues.
 
         It does for the first change of an unchanged vehicle.  For a further change, more than the floor of
-        the hull model must remain, and fewer than MOST_FINDINGS changes be found.
+        the hull model must remain, and fewer than MOST_FINDINGS changes be found.  A doubtful change after
+        one that is not doubtful is the last: the error that both leave is that of the hull model.
         """
-        if self.further or changes.found:
-            left = self.compared.chi2(self._last(changes))
-            return len(changes.found) < MOST_FINDINGS and left > 1.0
-        return True
+        found = changes.found
+        if not (self.further or found):
+            return True
+        doubted = [one.confidence(self.given) < DOUBTFUL for one in found[-2:]]
+        left = self.compared.chi2(self._last(changes))
+        return len(found) < MOST_FINDINGS and left > 1.0 and doubted != [False, True]
 
     def best(self, changes: Changes, progress: Progress) -> Change | None:
         """Fit candidates for the next change, and return the step with the best of them; None without a fit.

@@ -25,7 +25,6 @@ from hydro.core.diagnosis.sensor_errors import refuted
 from hydro.core.diagnosis.settings import (
     ABSORBED,
     ALMOST_ALL,
-    CLOSEST,
     CONTENDERS,
     DISTINCT,
     FIT,
@@ -34,6 +33,7 @@ from hydro.core.diagnosis.settings import (
     NEGLIGIBLE,
     QUICK_STEPS,
     RIGHT,
+    SHOTS,
     SUSPECT_SPREAD,
     VISIBLE,
 )
@@ -180,7 +180,8 @@ class Compared:
         Raises:
             DataError: The recording is too short, or the vehicle's predictions diverge.
         """
-        problem = stable_shots(vehicle, log).weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
+        sigma = np.maximum(log.noise, hull.sigma) * hull.floor
+        problem = stable_shots(vehicle, log).some(2 * SHOTS).weighed(sigma)
         compared = cls(log, hull, problem, folds(problem.shots.session))
         return compared._with_weights(vehicle)
 
@@ -293,7 +294,9 @@ class Contest:
         """Fit the candidates that are best on whole shots, on the first part of each shot, or on both.
 
         Where the error is at most FIT floors, candidates are chosen on whole shots, otherwise on the first
-        parts.  If none of them is right, those chosen in the other way are fitted too.
+        parts.  If none of them is right, those chosen in the other way are fitted too.  Only effects with
+        thresholds or delays have local minima, so only these are fitted again from another start, and to
+        convergence.
 
         Args:
             chosen: Effects that the vehicle has from earlier rounds.
@@ -310,18 +313,18 @@ class Contest:
         for number, choice in enumerate(choices if self.compared.chi2(self.last) <= FIT else choices[::-1]):
             progress("choice of candidates", number / 2)
             for at, table in enumerate(tables := choice(tried)):
-                progress(f"{table['name']} on held-out stretches", (number + at / len(tables)) / 2)
-                self._join(fits, table)
+                name = str(table["name"])
+                progress(f"{name} on held-out stretches", (number + at / len(tables)) / 2)
+                if name not in fits or _is_stepwise(fits[name].model):
+                    self._join(fits, table)
             if first_fits is not None and number == 0:
                 first_fits(fits)
             if _least(fits) <= RIGHT * floor:
                 break
         if _least(fits) > FIT * floor:
-            closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
-            stepwise = [name for name, fit in fits.items() if _is_stepwise(fit.model)]
-            for name in dict.fromkeys([*closest, *stepwise]):
-                if fits[name].left <= FIT * _least(fits):
-                    self._join(fits, fits[name].table, ITERATIONS)
+            for name, fit in list(fits.items()):
+                if _is_stepwise(fit.model) and fits[name].left <= FIT * _least(fits):
+                    self._join(fits, fit.table, ITERATIONS)
         return self.with_plainer(self.with_one_value(fits))
 
     def with_one_value(self, fits: Mapping[str, Contender]) -> dict[str, Contender]:

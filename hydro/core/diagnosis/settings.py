@@ -20,7 +20,8 @@ MOST_SHOTS = 600
 """Maximum number of shots of one recording: it bounds the time of a fit."""
 SHOTS = 96
 """Number of shots of a repeated fit, and of all fits above FAR_FROM_NOISE: four times as many change an error
-by less than 1 %.  A first comparison of many candidates uses half of them."""
+by less than 1 %.  A first comparison of many candidates uses half of them, the search for a change twice as
+many."""
 LEAST_SHOTS = limits.LEAST_SHOTS
 """Minimum number of shots of a diagnosis."""
 LEAST_SESSIONS = 3
@@ -64,8 +65,8 @@ RIGHT = limits.RIGHT
 effects.  A fit whose cost on other data exceeds its own by this ratio is repeated or dropped."""
 FIT = limits.FIT
 """Maximum residual of an acceptable fit, in units of the noise or in floors.  Above it, candidates of a
-change are chosen on the first part of each shot, and the closest fits continue.  A fit is not continued
-where its error exceeds the best by this ratio."""
+change are chosen on the first part of each shot, and those with thresholds or delays are fitted to
+convergence.  A fit is not continued where its error exceeds the best by this ratio."""
 FAR_FROM_NOISE = 1000.0
 """Residual above which SHOTS shots carry the information of all, in units of the noise."""
 

@@ -8,6 +8,7 @@ in the simulation of every prediction instead (`prediction.forced`).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -130,9 +131,9 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
     transitions, fold = Transitions.of(candidate(vehicle), shots), stretches(shots)
     found = learn(vehicle, transitions, fold)
     measured = shots.measured.copy()
-    for number, law in enumerate(found.without_folds()):
+    for number, wrench in enumerate(found.left_out_wrenches(vehicle, shots)):
         chosen = fold == number
-        measured[chosen] = transitions.corrected(law.wrench(vehicle, shots)).measured[chosen]
+        measured[chosen] = transitions.over(chosen).corrected(wrench).measured
     hull = judged(vehicle, problem, OutputError(replace(shots, measured=measured)), found)
     return hull if _of_first_order(vehicle, transitions, hull) else _simulated(vehicle, problem, hull, found)
 
@@ -151,22 +152,19 @@ def _simulated(vehicle: Vehicle, problem: OutputError, hull: Hull, found: Regres
     The coefficients get one Gauss-Newton step, from the residual of the simulation.
     """
     shots = problem.shots
-    fold = stretches(shots)
-
-    def under(law: Regression) -> ForcedOutputError:
-        return ForcedOutputError.under(shots, law.wrench(vehicle, shots))
+    fold, under = stretches(shots), partial(ForcedOutputError.under, shots)
 
     def motion(one: OutputError) -> Array:
         return predict(one.prepared(vehicle), one.shots)
 
-    left = displaced_by(shots.measured, motion(problem), motion(under(found)))
+    left = displaced_by(shots.measured, motion(problem), motion(under(found.wrench(vehicle, shots))))
     step = learn(vehicle, Transitions.of(candidate(vehicle), replace(shots, measured=left)), fold)
     law = found.moved(step)
-    whole = under(law)
+    whole = under(law.wrench(vehicle, shots))
     everywhere, measured = motion(whole), shots.measured.copy()
-    for number, left_out in enumerate(law.without_folds()):
+    for number, wrench in enumerate(law.left_out_wrenches(vehicle, shots)):
         chosen = fold == number
-        there = motion(under(left_out).over(chosen))
+        there = motion(under(wrench).over(chosen))
         measured[chosen] = displaced_by(measured[chosen], everywhere[chosen], there)
     other = replace(judged(vehicle, problem, whole.of_measured(measured), law), simulated=True)
     return other if other.left < hull.left else hull

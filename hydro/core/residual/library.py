@@ -41,6 +41,8 @@ MIRRORED = np.array([False, True, False, True, False, True])
 """Axes whose velocities and wrenches change sign under port-starboard reflection."""
 RESTING = 4
 """Number of terms that do not vanish at rest, the last of the library: gravity direction and a constant."""
+ROWS_TOGETHER = 2048
+"""Number of rows whose terms are in memory together: about one megabyte, the size of a processor's cache."""
 KNOWN_PAIRS = {(int(i), int(j)) for i, j in CROSS}
 PAIRS = tuple((i, j) for i in range(AXES) for j in range(AXES) if i != j and (i, j) not in KNOWN_PAIRS)
 """Pairs (i, j) of |nu_i| nu_j that the features of networks lack."""
@@ -84,6 +86,10 @@ class Flow:
         """Velocity, acceleration and down vector side by side, (N, 15)."""
         return np.hstack([self.nu, self.nu_dot, self.down])
 
+    def rows(self, part: slice) -> Flow:
+        """Return the motion in a slice of the rows."""
+        return Flow(self.nu[part], self.nu_dot[part], self.down[part])
+
     def within(self, low: Array, high: Array) -> Flow:
         """Return the motion with velocity, acceleration and down vector clipped to bounds, (15,) each."""
         nu, rate, down = np.split(np.clip(self.columns, low, high), [AXES, 2 * AXES], axis=1)
@@ -98,6 +104,16 @@ def terms(flow: Flow) -> Array:
     nu = flow.nu
     pairs = np.stack([np.abs(nu[:, i]) * nu[:, j] for i, j in PAIRS], axis=1)
     return np.hstack([features(np.hstack([nu, flow.nu_dot])), pairs, flow.down, np.ones((len(nu), 1))])
+
+
+def force(flow: Flow, coefficients: Array) -> Array:
+    """Return the sums of terms times coefficients (F, C) at each of N rows of a motion, (N, C).
+
+    The terms are computed for some rows at a time, because those of a long recording fill the memory.
+    """
+    starts = range(0, len(flow.nu), ROWS_TOGETHER)
+    parts = [terms(flow.rows(slice(at, at + ROWS_TOGETHER))) @ coefficients for at in starts]
+    return np.concatenate(parts) if parts else np.zeros((0, coefficients.shape[1]))
 
 
 def sizes(vehicle: Vehicle) -> Array:

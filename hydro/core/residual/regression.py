@@ -19,7 +19,7 @@ from hydro.core.prediction.candidate import Candidate, candidate
 from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, costs, prepare, residuals
 from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.recording.shots import CHANNELS, Shots
-from hydro.core.residual.library import AXES, Flow, precision, sizes, terms
+from hydro.core.residual.library import AXES, Flow, force, precision, sizes, terms
 from hydro.core.residual.limits import FIT
 from hydro.core.residual.response import Transitions, rows_of
 from hydro.core.vehicle.description import Vehicle
@@ -55,10 +55,6 @@ class Regression:
     high: Array
     information: Array
 
-    def without_folds(self) -> list[Regression]:
-        """Return one fit per stretch, with the coefficients fitted without that stretch."""
-        return [replace(self, coefficients=each) for each in self.left_out]
-
     def moved(self, step: Regression) -> Regression:
         """Return a copy with the coefficients of `step`, a fit with the same stretches, added."""
         coefficients, left_out = self.coefficients + step.coefficients, self.left_out + step.left_out
@@ -74,8 +70,13 @@ class Regression:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
         """
-        found: Array = self.terms(candidate(vehicle), shots) @ self.coefficients
-        return found
+        return force(self._flow(candidate(vehicle), shots), self.coefficients)
+
+    def left_out_wrenches(self, vehicle: Vehicle, shots: Shots) -> Iterator[Array]:
+        """Yield the wrench by the coefficients without each stretch, as by `wrench`, (N, 6) [N, N m]."""
+        flow = self._flow(candidate(vehicle), shots)
+        for coefficients in self.left_out:
+            yield force(flow, coefficients)
 
     def terms(self, model: Candidate, shots: Shots) -> Array:
         """Return the F library terms at each of N rows of a recording, (N, F).
@@ -86,7 +87,11 @@ class Regression:
             model: The vehicle, whose current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
         """
-        return terms(Flow.of(model, shots).within(self.low, self.high))
+        return terms(self._flow(model, shots))
+
+    def _flow(self, model: Candidate, shots: Shots) -> Flow:
+        """Return the motion through the water, clipped to the range of the training data."""
+        return Flow.of(model, shots).within(self.low, self.high)
 
 
 def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:

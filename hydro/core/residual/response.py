@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.effects import sensor
@@ -71,6 +72,10 @@ class Transitions:
             begun = InitialStates(states[at], rotors[at], memory[at])
             each[m] = _one_row(model, shots, at, int(segment), begun)
         return cls(model, shots, each)
+
+    def over(self, kept: NDArray[np.bool_]) -> Transitions:
+        """Return the transitions of those shots that a mask (S,) keeps."""
+        return replace(self, shots=self.shots.of(kept), each=self.each[kept])
 
     @property
     def accelerated(self) -> Array:
