@@ -294,9 +294,8 @@ class Contest:
         """Fit the candidates that are best on whole shots, on the first part of each shot, or on both.
 
         Where the error is at most FIT floors, candidates are chosen on whole shots, otherwise on the first
-        parts.  If none of them is right, those chosen in the other way are fitted too.  Only effects with
-        thresholds or delays have local minima, so only these are fitted again from another start, and to
-        convergence.
+        parts.  If none of them is right, those chosen in the other way are fitted too.  Only fits
+        that have not converged are repeated from another start, and with more steps.
 
         Args:
             chosen: Effects that the vehicle has from earlier rounds.
@@ -315,15 +314,15 @@ class Contest:
             for at, table in enumerate(tables := choice(tried)):
                 name = str(table["name"])
                 progress(f"{name} on held-out stretches", (number + at / len(tables)) / 2)
-                if name not in fits or _is_stepwise(fits[name].model):
+                if name not in fits or not _has_converged(fits[name].model):
                     self._join(fits, table)
             if first_fits is not None and number == 0:
                 first_fits(fits)
             if _least(fits) <= RIGHT * floor:
                 break
         if _least(fits) > FIT * floor:
-            for name, fit in list(fits.items()):
-                if _is_stepwise(fit.model) and fits[name].left <= FIT * _least(fits):
+            for fit in list(fits.values()):
+                if not _has_converged(fit.model) and fit.left <= FIT * _least(fits):
                     self._join(fits, fit.table, ITERATIONS)
         return self.with_plainer(self.with_one_value(fits))
 
@@ -597,9 +596,13 @@ def _is_possible(fit: Contender) -> bool:
     return not implausible(fit.model.vehicle, [fit.effect])
 
 
-def _is_stepwise(model: Model) -> bool:
-    """Return whether an effect has thresholds or delays, whose local minima only a full fit escapes."""
-    return any(one.resolution for one in model.unknown.entries)
+def _has_converged(model: Model) -> bool:
+    """Return whether one more step would lower the cost of a fit by a share of NEGLIGIBLE at most.
+
+    A fit of an effect with thresholds or delays has local minima, and never counts as converged.
+    """
+    smooth = not any(one.resolution for one in model.unknown.entries)
+    return smooth and model.promised <= NEGLIGIBLE * model.normal.cost
 
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:

@@ -87,6 +87,21 @@ class Model:
         """Return the fit: values with standard errors and covariance, on a physically possible vehicle."""
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
 
+    @property
+    def step(self) -> Array:
+        """Step to the least squares of the linearised problem, within the bounds, in scales, (P,)."""
+        unknown, normal, x = self.unknown, self.normal, self.values / self.unknown.scales
+        low, high = (bound / unknown.scales - x for bound in unknown.bounds)
+        information = normal.matrix.sum(axis=0) + PRIOR**-2 * np.eye(len(x))
+        return bounded_step(information, normal.score.sum(axis=0), low, high)
+
+    @property
+    def promised(self) -> float:
+        """Squared residual that this step would remove from the linearised problem."""
+        step = self.step
+        matrix, score = (part.sum(axis=0) for part in (self.normal.matrix, self.normal.score))
+        return float(2.0 * score @ step - step @ matrix @ step)
+
     def over(self, kept: NDArray[np.bool_]) -> Model:
         """Return the model over those of its shots that a mask (S,) keeps."""
         problem = cast(OutputError, self.problem).over(kept)
@@ -222,11 +237,8 @@ def stepped(model: Model) -> Vehicle:
     Raises:
         Diverges: No step from the values of the model reduces the cost.
     """
-    unknown, normal, x = model.unknown, model.normal, model.values / model.unknown.scales
-    low, high = (bound / unknown.scales - x for bound in unknown.bounds)
-    information = normal.matrix.sum(axis=0) + PRIOR**-2 * np.eye(len(x))
-    step = bounded_step(information, normal.score.sum(axis=0), low, high)
-    vehicle = unknown.at(unknown.within((x + step) * unknown.scales))
+    unknown, normal, step = model.unknown, model.normal, model.step
+    vehicle = unknown.at(unknown.within(model.values + step * unknown.scales))
     cost, _ = model.problem.cost(vehicle, step, normal)
     if cost <= normal.cost + STEP_GAIN * max(normal.chi2, 1.0):
         return vehicle

@@ -65,8 +65,8 @@ RIGHT = limits.RIGHT
 effects.  A fit whose cost on other data exceeds its own by this ratio is repeated or dropped."""
 FIT = limits.FIT
 """Maximum residual of an acceptable fit, in units of the noise or in floors.  Above it, candidates of a
-change are chosen on the first part of each shot, and those with thresholds or delays are fitted to
-convergence.  A fit is not continued where its error exceeds the best by this ratio."""
+change are chosen on the first part of each shot, and fits that have not converged continue.  A fit is not
+continued where its error exceeds the best by this ratio."""
 FAR_FROM_NOISE = 1000.0
 """Residual above which SHOTS shots carry the information of all, in units of the noise."""
 

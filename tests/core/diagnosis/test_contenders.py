@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 from recordings import damped
 
 from hydro.core.diagnosis import contenders
-from hydro.core.diagnosis.by_change import Change
+from hydro.core.diagnosis.by_change import ByChange, Change, Changes
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.model import Model, passive
-from hydro.core.diagnosis.settings import FIT, NEARLY_EQUAL, NEGLIGIBLE, RIGHT, SURE
+from hydro.core.diagnosis.settings import FIT, NEARLY_EQUAL, NEGLIGIBLE, QUICK_STEPS, RIGHT, SURE
 from hydro.core.effects import CATALOGUE
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.passivity import accepted
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.parameters import free
@@ -235,6 +236,52 @@ def test_large_changes_are_sought_on_the_first_parts_of_shots_first(monkeypatch,
     contest.fits([], lambda *_: None, lambda fits: reported.append(list(fits)))
     assert joined == fitted
     assert reported == [fitted[:1]]
+
+
+def test_only_fits_that_have_not_converged_are_repeated(monkeypatch):
+    """Both choices have the same candidates; one more step would help only one of the smooth ones."""
+    promised = {"payload": 0.1 * NEGLIGIBLE, "net_buoyancy": 10.0 * NEGLIGIBLE, "thruster_deadband": 0.0}
+    for choice in ("_best_of_whole_shots", "_best_of_first_parts"):
+        monkeypatch.setattr(Contest, choice, lambda *_: [{"name": name} for name in promised])
+    joined = list[tuple[str, int]]()
+
+    def join(contest: Contest, fits: dict[str, Contender], table: Any, iterations: int = QUICK_STEPS) -> None:
+        name = table["name"]
+        joined.append((name, iterations))
+        model = SimpleNamespace(
+            unknown=free(damped(), [name]),
+            vehicle=damped({"name": name}),
+            promised=promised[name],
+            normal=SimpleNamespace(cost=1.0),
+        )
+        fits[name] = Contender(name, cast(Any, model), np.full(SHOTS, 1.1 * FIT / SHOTS))
+
+    monkeypatch.setattr(Contest, "_join", join)
+    monkeypatch.setattr(Contest, "with_one_value", lambda contest, fits: fits)
+    monkeypatch.setattr(Contest, "with_plainer", lambda contest, fits: fits)
+    compared = SimpleNamespace(
+        log=SimpleNamespace(track=np.zeros((2, 4))), floor=lambda _: 1.0, chi2=lambda _: 10.0
+    )
+    contest = Contest(cast(Any, compared), cast(Any, SimpleNamespace(vehicle=damped())))
+    contest.fits([], lambda *_: None)
+    first, again = list(promised), ["net_buoyancy", "thruster_deadband"]
+    quick = [(name, QUICK_STEPS) for name in [*first, *again]]
+    assert joined == [*quick, *((name, ITERATIONS) for name in again)]
+
+
+@pytest.mark.parametrize(
+    ("confidences", "goes_on"),
+    [((1.0,), True), ((0.3,), True), ((1.0, 0.9), True), ((0.3, 0.2), True), ((1.0, 0.2), False)],
+)
+def test_a_doubtful_change_after_a_likely_one_is_the_last(confidences, goes_on):
+    """What both leave is the error of the hull-force model."""
+
+    def one(confidence: float) -> Any:
+        return SimpleNamespace(confidence=lambda given: confidence, best=SimpleNamespace(model=None))
+
+    compared = cast(Any, SimpleNamespace(chi2=lambda _: 5.0))
+    regime = ByChange(damped(), compared, cast(Any, None), 10.0)
+    assert regime.is_open(Changes(tuple(map(one, confidences)))) is goes_on
 
 
 @pytest.mark.parametrize(("whole", "kept"), [(5.0, [0, 2]), (0.9, [0, 1, 2])])

@@ -26,7 +26,7 @@ ELSEWHERE = {
 """Numbers that are mathematics, layout or display, by module."""
 OF_HULL = ("limits", "hull", "library", "regression", "allowance", "joint_posterior")
 """Modules of the hull-force model that have numbers."""
-NO_JUDGEMENT = {"FACTORS", "TEMPERS", "SPREADS", "AXES", "RESTING", "LEAST"}
+NO_JUDGEMENT = {"FACTORS", "TEMPERS", "SPREADS", "AXES", "RESTING", "LEAST", "ROWS_TOGETHER"}
 """Grids, sizes and the lower bound of a divisor in these modules."""
 
 

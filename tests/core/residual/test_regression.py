@@ -11,6 +11,7 @@ from recordings import damped, moved
 from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
+from hydro.core.residual import library
 from hydro.core.residual.hull import stretches
 from hydro.core.residual.regression import learn
 from hydro.core.residual.response import Transitions
@@ -50,3 +51,25 @@ def test_beyond_the_motion_that_it_was_learnt_from_a_wrench_stays_what_it_is_at_
     most = np.abs(whole).max()
     assert np.abs(law.wrench(VEHICLE, fast)).max() < 1.5 * most
     assert np.abs(anywhere.wrench(VEHICLE, fast)).max() > 2.5 * most
+
+
+def test_a_wrench_is_the_sum_of_the_terms_in_every_row(monkeypatch, shots):
+    """Also where a recording has more rows than are computed together."""
+    law = learn(VEHICLE, Transitions.of(candidate(VEHICLE), shots), stretches(shots))
+    terms = law.terms(candidate(VEHICLE), shots)
+    monkeypatch.setattr(library, "ROWS_TOGETHER", 700)
+    assert len(terms) > 700
+    np.testing.assert_allclose(law.wrench(VEHICLE, shots), terms @ law.coefficients, rtol=1e-12, atol=1e-12)
+    without = list(law.left_out_wrenches(VEHICLE, shots))
+    assert len(without) == len(law.left_out) > 1
+    for wrench, coefficients in zip(without, law.left_out, strict=True):
+        np.testing.assert_allclose(wrench, terms @ coefficients, rtol=1e-12, atol=1e-12)
+
+
+def test_some_shots_are_corrected_as_among_all(shots):
+    transitions = Transitions.of(candidate(VEHICLE), shots)
+    wrench = np.random.default_rng(0).normal(size=(shots.record.rows, 6))
+    kept = np.arange(len(shots.starts)) % 3 == 1
+    few = transitions.over(kept).corrected(wrench)
+    np.testing.assert_array_equal(few.measured, transitions.corrected(wrench).measured[kept])
+    np.testing.assert_array_equal(few.starts, shots.starts[kept])
