@@ -378,10 +378,11 @@ def weighed_fit(
         The model, or the vehicle with its starting values where the fit diverges; the weighted shots; and
         whether the fit converged without divergence.
     """
-    model, reached = fitted_or_kept(vehicle, effects, problem, log.track, share, known)
-    model = from_elsewhere(model, problem, log.track, share, known)
+    fitting = partial(fit_model, reach=log.track, share=share, known=known)
+    model, reached = fitted_or_kept(fitting, vehicle, effects, problem)
+    model = from_elsewhere(fitting, model, problem, log.track)
     sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
         problem, along = problem.weighed(sigma), cast(OutputError, model.problem).weighed(sigma)
-        model, reached = fitted_or_kept(model.vehicle, names_of(effects), along, log.track, share, known)
+        model, reached = fitted_or_kept(fitting, model.vehicle, names_of(effects), along)
     return model, problem, reached

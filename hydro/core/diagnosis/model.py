@@ -48,6 +48,8 @@ from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]
 """Effects to fit: names in the catalogue, or tables with starting values."""
+Fitting = Callable[..., "Model"]
+"""`fit_model` with some of its arguments given; it takes vehicle, effects, problem and iterations."""
 
 
 def names_of(wanted: Wanted) -> list[str]:
@@ -311,25 +313,19 @@ def unfitted(vehicle: Vehicle, problem: Problem) -> Model:
 
 
 def fitted_or_kept(
-    vehicle: Vehicle,
-    effects: Wanted,
-    problem: Problem,
-    reach: Array,
-    share: float = STEP_SHARE,
-    known: Callable[[Free], Prior] | None = None,
+    fitting: Fitting, vehicle: Vehicle, effects: Wanted, problem: Problem
 ) -> tuple[Model, bool]:
     """Return the vehicle with the parameters of some effects fitted to convergence, and True.
 
-    If the fit diverges, return the model with the vehicle's present values, and False.  The arguments are
-    those of `fit_model`.
+    If the fit diverges, return the model with the vehicle's present values, and False.
 
     Raises:
         Diverges: The predictions diverge with the present values too.
     """
     try:
-        return fit_model(vehicle, effects, problem, reach, ITERATIONS, share, known), True
+        return fitting(vehicle, effects, problem, iterations=ITERATIONS), True
     except Diverges:
-        return fit_model(vehicle, effects, problem, reach, 0), False
+        return fitting(vehicle, effects, problem, iterations=0), False
 
 
 def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
@@ -341,23 +337,17 @@ def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
     return Model(unknown, values, problem, normal) if normal.cost < model.normal.cost else model
 
 
-def from_elsewhere(
-    model: Model,
-    problem: Problem,
-    reach: Array,
-    share: float = STEP_SHARE,
-    known: Callable[[Free], Prior] | None = None,
-) -> Model:
+def from_elsewhere(fitting: Fitting, model: Model, problem: Problem, reach: Array) -> Model:
     """Return the model, or a better one from another start of one effect (`initial_guess.elsewhere`).
 
-    The arguments are those of `fit_model`.
+    `reach` is that of `fit_model`.
     """
     if model.excess < MATERIAL * model.normal.residuals:
         return model
     names = model.unknown.effects
     for values in elsewhere(model.unknown, model.values, problem, reach, model.normal.cost):
         try:
-            other = fit_model(model.unknown.at(values), names, problem, reach, ITERATIONS, share, known)
+            other = fitting(model.unknown.at(values), names, problem, iterations=ITERATIONS)
         except Diverges:
             continue
         if other.normal.cost < model.normal.cost:
