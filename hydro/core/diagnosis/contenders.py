@@ -321,7 +321,7 @@ class Contest:
             if _least(fits) <= RIGHT * floor:
                 break
         if _least(fits) > FIT * floor:
-            for fit in list(fits.values()):
+            for fit in sorted(fits.values(), key=lambda one: one.left):
                 if not _has_converged(fit.model) and fit.left <= FIT * _least(fits):
                     self._join(fits, fit.table, ITERATIONS)
         return self.with_plainer(self.with_one_value(fits))

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.by_change import Change, Changes
 from hydro.core.diagnosis.contenders import Contender, Contest
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
-from hydro.core.diagnosis.settings import CLOSEST, CONTENDERS, DOUBTFUL, RIGHT, SURE
+from hydro.core.diagnosis.settings import CONTENDERS, DOUBTFUL, RIGHT, SURE
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
@@ -199,8 +199,8 @@ def test_a_tether_that_only_a_finer_grid_shows_is_named(hull, monkeypatch):
     assert (found.verdict, found.effect) == ("missing", "tether")
 
 
-def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hull, monkeypatch):
-    """A change that turns a vehicle over takes more steps than a quick fit has."""
+def test_fits_that_have_not_converged_continue_if_every_candidate_leaves_a_large_residual(hull, monkeypatch):
+    """The fit of the change itself, which turns the vehicle over, has converged by then."""
     fit, least = contenders.fit_model, contenders._least
     quick, long, first_change = set[str](), list[str](), list[dict]()
 
@@ -217,8 +217,8 @@ def test_the_closest_fits_continue_if_every_candidate_leaves_a_large_residual(hu
     monkeypatch.setattr(contenders, "_least", lambda fits: least(fits) if first_change else np.inf)
     found = diagnosed(damped(), flown(OFFSET, seed=40, rows=1000).filter(session="s0"), hull)
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
-    assert long[0] == "buoyancy_offset"
-    assert len(set(long[:CLOSEST])) == CLOSEST
+    assert len(set(long)) == len(long) >= 2
+    assert "buoyancy_offset" not in long
     assert len(quick) > 2 * CONTENDERS
 
 
