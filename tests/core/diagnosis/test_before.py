@@ -16,7 +16,7 @@ from recordings import WEAK, damped, flown
 from hydro.core.diagnosis import by_change as before_
 from hydro.core.diagnosis import contenders, log_faults
 from hydro.core.diagnosis.by_change import Change, Changes
-from hydro.core.diagnosis.contenders import Contender, Contest
+from hydro.core.diagnosis.contenders import Compared, Contender, Contest
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.pipeline import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.settings import CONTENDERS, DOUBTFUL, RIGHT, SURE
@@ -67,6 +67,16 @@ def half(raw):
 def diagnosed(vehicle, raw, hull):
     """Diagnose a recording beside a hull that is known already."""
     return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull)
+
+
+def test_a_change_is_sought_on_some_predictions_of_a_long_recording(before, hull, monkeypatch):
+    """They are spread evenly over it."""
+    monkeypatch.setattr(contenders, "SHOTS", 10)
+    log = preprocess(damped(), before, hull)
+    compared, first = Compared.of(damped(), log, hull)
+    starts = compared.problem.shots.starts
+    assert len(starts) == len(compared.weight) == len(first.costs) == 20
+    assert set(compared.problem.shots.segment) == set(range(len(log.record.segments)))
 
 
 LATE = {"name": "command_delay", "d": 0.02}
