@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import cast
 
 import msgspec
@@ -28,6 +29,7 @@ from hydro.core.diagnosis.model import (
     fit_model,
     leader,
     not_ruled_out,
+    penalty,
 )
 from hydro.core.diagnosis.provisional import Provisional, Told
 from hydro.core.diagnosis.selection import Rounds, grow
@@ -40,6 +42,7 @@ from hydro.core.diagnosis.settings import (
     FAR_FROM_NOISE,
     FIT,
     FURTHER,
+    MATERIAL,
     MOST_FINDINGS,
     QUICK_STEPS,
     RIGHT,
@@ -294,21 +297,53 @@ class Search:
             raise Diverges("a fit to a few of the shots does not hold for all of them")
         return best
 
-    def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
-        """Return a screening's model with one candidate, fitted from the linearised problem's solution."""
-        model, (suspect, columns) = screening.model, screening.ranked[name]
-        both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
+    def joined(self, chosen: Sequence[str], screening: Screening, *names: str) -> Model:
+        """Return a screening's model with some candidates, fitted from the linearised problem's solution."""
+        model, tried = screening.model, [screening.ranked[name] for name in names]
+        both = [*screening.own, *(column for _, columns in tried for column in columns)]
+        step = np.zeros(len(screening.normal.gram[0]) - 1)
         _, step[both] = linear_step(screening.normal, both)
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
-        vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
-        begun = msgspec.structs.replace(vehicle, effect=(*vehicle.without(name).effect, table))
+        vehicle, tables = model.unknown.at(own), [one.begin(step[columns]) for one, columns in tried]
+        rest = [table for table in vehicle.effect if table["name"] not in names]
+        begun = msgspec.structs.replace(vehicle, effect=(*rest, *tables))
         cost, along = model.problem.cost(begun, step, screening.normal)
-        if cost > model.normal.cost:  # too far for a linear step: only the effect starts from it
+        if cost > model.normal.cost:  # too far for a linear step: only the effects start from it
             vehicle, along = model.vehicle, model.problem
         try:
-            return self._fit(vehicle, [*chosen, table], along, QUICK_STEPS)
-        except Diverges:  # too far even so: the effect starts from its default values
-            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK_STEPS)
+            return self._fit(vehicle, [*chosen, *tables], along, QUICK_STEPS)
+        except Diverges:  # too far even so: the effects start from their default values
+            return self._fit(model.vehicle, [*chosen, *names], model.problem, QUICK_STEPS)
+
+    def with_second(self, screening: Screening, fits: Mapping[str, Model], first: str) -> str:
+        """Return the fitted effect that a second one completes best, where none explains the error alone.
+
+        The gains of all thrusters, for instance, absorb most of a current and a drag together, and no later
+        step leads back from them.  Pairs are ranked by their joint linear gain, less the penalty of their
+        parameters, and the best CONTENDERS are fitted quickly.
+
+        Args:
+            screening: Test of all candidates.
+            fits: Fits of single effects.
+            first: The best of these.
+        """
+        if not fits[first].normal.chi2 > 1.0 + MATERIAL:
+            return first
+        model, gains = screening.model, dict[tuple[str, str], float]()
+        for one, other in combinations(screening.ranked, 2):
+            if one in fits or other in fits:
+                columns = [*screening.ranked[one][1], *screening.ranked[other][1]]
+                gain = screening.evidence.gain(screening.own, columns)
+                gains[one, other] = gain - penalty(len(model.costs), len(columns), model.normal.chi2)
+        pairs = sorted(gains, key=lambda pair: -gains[pair])
+        likely = dict.fromkeys([*pairs[:CONTENDERS], *[pair for pair in pairs if first in pair][:1]])
+        together = dict[tuple[str, str], float]()
+        for pair in likely:
+            with suppress(Diverges):
+                together[pair] = float(self.joined((), screening, *pair).penalised.sum())
+        if not together or first in (best := min(together, key=together.__getitem__)):
+            return first
+        return leader({name: fits[name] for name in best if name in fits}) or first
 
     def grow(
         self,
@@ -362,6 +397,8 @@ class Search:
         known = self.from_distant_starts(begun) if begun is not model else {}
         fits = self.contend(begun, state.effects, screening, part(told, 0.3, 1.0), known)
         best = leader(fits)
+        if best is not None and not count:
+            best = self.with_second(screening, fits, best)
         return Round(screening, None if best is None else Found(best, screening.p_value, fits))
 
     def belongs(self, state: Grown, step: Round) -> bool:
