@@ -3,7 +3,8 @@
 All candidates are linearised together about the present model, over short shots
 (`prediction.multiple_shooting`).  A score test asks whether the largest gain exceeds chance
 (`evaluation.score_test`).  The candidates with the largest gains are then fitted together with the model.
-The best joins it, and the search continues.  Where the residual is far above the noise, a few shots separate
+The best joins it, and the search continues.  The first is chosen with its best second one, where it does not
+explain the error alone.  Where the residual is far above the noise, a few shots separate
 most candidates, and only the rest are fitted to all shots.  Afterwards every finding must still be needed
 with the others, and be the best in its place.
 """

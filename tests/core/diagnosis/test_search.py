@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from hydro.core.diagnosis.search import Search
@@ -32,3 +33,45 @@ def test_a_search_from_the_file_continues_only_if_its_first_effect_explains_almo
     found = [cast(Any, SimpleNamespace(effect="net_buoyancy"))]
     assert Search(explaining(share), from_file=True).explains_little(leaving(20.0), found) is little
     assert not Search(explaining(share, sure=True), from_file=True).explains_little(leaving(20.0), found)
+
+
+def fitted(chi2: float) -> Any:
+    """A model of ten shots that leaves so many times the noise."""
+    costs = np.full(10, chi2)
+    return SimpleNamespace(normal=SimpleNamespace(chi2=chi2), costs=costs, penalised=costs)
+
+
+@pytest.mark.parametrize(
+    ("left", "current_and_drag", "first"),
+    [(2.0, 1.0, "coupled_damping"), (2.0, 1.6, "thruster_gain"), (1.04, 1.0, "thruster_gain")],
+)
+def test_the_first_effect_is_the_one_that_a_second_completes_best(monkeypatch, left, current_and_drag, first):
+    """The gains of all thrusters absorb most of a drag and a current: each alone explains less.
+
+    Where the gains alone leave noise, no pairs are fitted.
+    """
+    columns = {"thruster_gain": [0, 1, 2], "coupled_damping": [3], "ocean_current": [4], "payload": [5]}
+    gains = {("thruster_gain", "ocean_current"): 59.0, ("coupled_damping", "ocean_current"): 58.0}
+    together = {
+        ("thruster_gain", "ocean_current"): 1.5,
+        ("coupled_damping", "ocean_current"): current_and_drag,
+    }
+    by_columns = {(*columns[a], *columns[b]): gain for (a, b), gain in gains.items()}
+    screening = SimpleNamespace(
+        model=fitted(10.0),
+        own=range(0),
+        ranked={name: (None, place) for name, place in columns.items()},
+        evidence=SimpleNamespace(gain=lambda own, place: by_columns.get(tuple(place), 1.0)),
+    )
+    tried = list[tuple[str, ...]]()
+
+    def joined(search: Search, chosen: Any, screening: Any, *names: str) -> Any:
+        tried.append(names)
+        return fitted(together.get(cast(Any, names), 5.0))
+
+    monkeypatch.setattr(Search, "joined", joined)
+    fits = {"thruster_gain": fitted(left), "coupled_damping": fitted(3.5)}
+    found = Search(cast(Any, None)).with_second(cast(Any, screening), fits, "thruster_gain")
+    assert found == first
+    assert (("coupled_damping", "ocean_current") in tried) is (left > 1.05)
+    assert ("ocean_current", "payload") not in tried, "neither has been fitted alone"
