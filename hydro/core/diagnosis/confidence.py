@@ -24,12 +24,12 @@ from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
     CHANGED,
     FOLDS,
+    FURTHER,
     LEAST_EVIDENCE,
     LEAST_SESSIONS,
     NEARLY_EQUAL,
     NEGLIGIBLE,
     RESAMPLES,
-    RIGHT,
     RIGHT_ABOVE,
 )
 from hydro.core.errors import DataError
@@ -211,10 +211,13 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
 def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Return the probability that a name by likelihood is right.
 
+    Where the model leaves a share FURTHER of the noise or more, another effect is missing, and the names may
+    stand for it.
+
     `frequency` is the share of the resamples in which the effect has the least penalised cost, 0 to 1.
     `left` is the mean squared residual of the model in units of the noise.
     """
-    return frequency if left <= RIGHT else RIGHT_ABOVE * frequency
+    return frequency if left <= 1.0 + FURTHER else RIGHT_ABOVE * frequency
 
 
 def lead_confidence(over_next: float, over_none: float, by_chance: float) -> float:
