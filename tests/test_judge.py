@@ -235,6 +235,9 @@ def test_a_study_of_several_files_is_that_of_the_last_one(tmp_path):
     assert found.select("seed", "confidence").rows() == [(2, 0.5), (1, 0.8)]
     words = "python -m benchmarks.judge run --list clean-one=2 --first-seed 1 --seconds 60"
     assert files.made_by(found) == words
+    later = found.with_columns(pl.col("seed") + 100)
+    both = f"{words}; {words.replace('--first-seed 1', '--first-seed 101')}"
+    assert files.made_by(pl.concat([found, later])) == both
     pl.DataFrame({"seed": [1]}).write_parquet(paths[0])
     with pytest.raises(SystemExit, match=r"0\.parquet holds no results"):
         files.read(paths)

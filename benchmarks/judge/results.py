@@ -28,8 +28,19 @@ def read(paths: Iterable[Path]) -> pl.DataFrame:
 
 
 def made_by(table: pl.DataFrame) -> str:
-    """Return the command line that runs the studies of a table, whose seeds are successive in each list."""
+    """Return the command lines that run the studies of a table, one for each range of successive seeds.
+
+    The seeds of each list start at the first one of the range.
+    """
     studies = table.select(KEY).unique(maintain_order=True)
+    seeds = studies["seed"].unique().sort()
+    starts = seeds.filter(seeds.diff().fill_null(2) > 1)
+    ranges = studies.with_columns(first=starts.gather(starts.search_sorted(studies["seed"], "right") - 1))
+    return "; ".join(_made_by(one.drop("first")) for one in ranges.partition_by("first", maintain_order=True))
+
+
+def _made_by(studies: pl.DataFrame) -> str:
+    """Return the command line that runs studies whose seeds are successive in each list."""
     lists = studies["list"].value_counts(sort=True).sort("list")
     usual = all(LISTS[name].seconds == seconds for name, seconds in studies.select("list", "seconds").rows())
     words = [f"--list {name}={count}" for name, count in lists.rows()]
