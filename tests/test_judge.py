@@ -252,10 +252,10 @@ def test_a_results_file_of_an_older_schema_is_continued(tmp_path):
     assert found["support"].to_list() == [None, 0.95]
 
 
-@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (1.3, 0.9 * 102 / 118), (4.0, 0.9 * 102 / 118)])
+@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (4.0, 0.9 * 102 / 118)])
 def test_a_row_keeps_what_the_confidence_of_its_finding_was_made_from(left, stated):
     """Where more than noise is left, a name is less sure than the share of resamples that it wins."""
-    sure = confidence.by_likelihood_confidence(0.9, left)
+    sure = confidence.by_likelihood_confidence(0.9, left <= settings.RIGHT)
     told = (Finding("missing", "payload", confidence=sure, support=0.9), Finding("not_excited", "tether"))
     (row,) = rows._findings(Study(None, None, ()), Diagnosis(told, None, (9.0, 9.0, left)))
     assert row["confidence"] == pytest.approx(stated)
@@ -399,7 +399,7 @@ def test_a_name_without_a_confidence_has_no_brier_score():
 
 def test_another_constant_changes_the_decision_and_is_set_back(results: Path):
     table, kept = pl.read_parquet(results), settings.RIGHT_ABOVE
-    again = rescore.rescored(table, {"settings.RIGHT_ABOVE": 0.1, "settings.FURTHER": -1.0})[0]
+    again = rescore.rescored(table, {"settings.RIGHT_ABOVE": 0.1, "settings.RIGHT": 0.0})[0]
     assert again.named[0].confidence <= 0.1
     assert kept == settings.RIGHT_ABOVE == confidence.RIGHT_ABOVE
 

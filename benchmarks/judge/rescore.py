@@ -212,7 +212,7 @@ def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
         costs = {row["effect"]: _penalised(row) for row in rivals}
         best = min(rivals, key=lambda row: costs[row["effect"]].sum())
         frequency = confidence.wins(costs, 1)[best["effect"]]
-        sure = confidence.by_likelihood_confidence(frequency, left)
+        sure = confidence.by_likelihood_confidence(frequency, left <= settings.RIGHT)
         yield best["effect"], sure
         if not best["chosen"]:
             return

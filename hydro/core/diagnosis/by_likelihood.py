@@ -39,7 +39,7 @@ from hydro.core.diagnosis.model import Diverges, Model, continue_fit
 from hydro.core.diagnosis.provisional import Told
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.sensor_errors import sure_by_kinematics
-from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, MATERIAL, RIGHT, VISIBLE
+from hydro.core.diagnosis.settings import ALPHA, FAR_FROM_NOISE, FURTHER, MATERIAL, RIGHT, VISIBLE
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
@@ -244,6 +244,16 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     return findings + [finding for finding in unseen(baseline, outcome) if finding.effect not in members]
 
 
+def may_be_right(outcome: Outcome) -> bool:
+    """Return whether the model of an outcome may be right.
+
+    It leaves at most RIGHT times the noise.  Where it leaves a share FURTHER of the noise or more, no further
+    effect may be significant either: otherwise one is missing.
+    """
+    left = outcome.model.normal.chi2
+    return bool(left <= 1.0 + FURTHER or (left <= RIGHT and not outcome.last.significant))
+
+
 def excess_share(baseline: Baseline, model: Model) -> float:
     """Return the share, 0 or more, of the baseline fit's error beyond the noise that a model leaves.
 
@@ -276,7 +286,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += session_warning(effect, without, model, baseline.problem.shots.session)
-    sure = by_likelihood_confidence(tied[effect], model.normal.chi2)
+    sure = by_likelihood_confidence(tied[effect], may_be_right(outcome))
     return Finding.of(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,
@@ -343,7 +353,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         if p <= ALPHA or absurd:
             values, errors = _joint(outcome).table(name)
             frequency = change_frequency(model.normal, entries, change)
-            sure = by_likelihood_confidence(frequency, model.normal.chi2)
+            sure = by_likelihood_confidence(frequency, may_be_right(outcome))
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
             yield Finding.of(

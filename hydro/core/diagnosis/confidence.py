@@ -24,7 +24,6 @@ from hydro.core.diagnosis.model import Model, penalty
 from hydro.core.diagnosis.settings import (
     CHANGED,
     FOLDS,
-    FURTHER,
     LEAST_EVIDENCE,
     LEAST_SESSIONS,
     NEARLY_EQUAL,
@@ -208,16 +207,13 @@ def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
     return parted
 
 
-def by_likelihood_confidence(frequency: float, left: float) -> float:
+def by_likelihood_confidence(frequency: float, is_right: bool) -> float:
     """Return the probability that a name by likelihood is right.
 
-    Where the model leaves a share FURTHER of the noise or more, another effect is missing, and the names may
-    stand for it.
-
     `frequency` is the share of the resamples in which the effect has the least penalised cost, 0 to 1.
-    `left` is the mean squared residual of the model in units of the noise.
+    `is_right` tells whether the model may be right; otherwise names may stand for an effect that it lacks.
     """
-    return frequency if left <= 1.0 + FURTHER else RIGHT_ABOVE * frequency
+    return frequency if is_right else RIGHT_ABOVE * frequency
 
 
 def lead_confidence(over_next: float, over_none: float, by_chance: float) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from hydro.core.diagnosis.confidence import by_likelihood_confidence, selection_frequency
 from hydro.core.diagnosis.model import Model, leader
+from hydro.core.diagnosis.settings import RIGHT
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Provisional:
             return None
         model, frequency = fits[best], selection_frequency(fits, best)[best]
         share = (before.normal.cost - model.normal.cost) / max(before.excess, 1e-9)
-        sure = by_likelihood_confidence(frequency, model.normal.chi2)
+        sure = by_likelihood_confidence(frequency, model.normal.chi2 <= RIGHT)
         return cls(best, sure, float(min(max(share, 0.0), 1.0)))
 
 

@@ -140,8 +140,9 @@ by transfer although another effect is first or the file has it already.  Also t
 `explain` tries unconfirmed effects where none is confirmed: held-out data decide which stay."""
 RIGHT_ABOVE = 102.0 / 118.0
 """Share of names by likelihood that were right where a model is not: above 1.35 times the noise, 102 of 118
-(seeds 80000 to 84059).  It applies above 1 + FURTHER times the noise: of the statements of all kept studies,
-587 of 588 were right below, and 6 of 12 between there and RIGHT (`docs/adr/0070`)."""
+(seeds 80000 to 84059).  It applies above RIGHT, and above 1 + FURTHER times the noise if a further effect is
+significant: of the statements of all kept studies, 587 of 588 were right below that, and 6 of 12 between that
+and RIGHT (`docs/adr/0070`)."""
 STEADY_SECONDS = 20.0
 """Time over which a disturbance is taken as constant under feedback [s]."""
 

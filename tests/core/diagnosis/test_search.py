@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from hydro.core.diagnosis.by_likelihood import may_be_right
 from hydro.core.diagnosis.search import Search
 
 
@@ -75,3 +76,14 @@ def test_the_first_effect_is_the_one_that_a_second_completes_best(monkeypatch, l
     assert found == first
     assert (("coupled_damping", "ocean_current") in tried) is (left > 1.05)
     assert ("ocean_current", "payload") not in tried, "neither has been fitted alone"
+
+
+@pytest.mark.parametrize(
+    ("chi2", "significant", "right"),
+    [(1.1, True, True), (1.3, True, False), (1.3, False, True), (2.1, False, False)],
+)
+def test_a_model_that_leaves_a_fifth_of_the_noise_is_right_only_if_nothing_more_is_significant(
+    chi2, significant, right
+):
+    outcome = SimpleNamespace(model=leaving(chi2), last=SimpleNamespace(significant=significant))
+    assert may_be_right(cast(Any, outcome)) is right
