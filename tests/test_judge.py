@@ -252,7 +252,7 @@ def test_a_results_file_of_an_older_schema_is_continued(tmp_path):
     assert found["support"].to_list() == [None, 0.95]
 
 
-@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (4.0, 0.9 * 102 / 118)])
+@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (1.9, 0.9), (4.0, 0.9 * 102 / 118)])
 def test_a_row_keeps_what_the_confidence_of_its_finding_was_made_from(left, stated):
     """Where more than noise is left, a name is less sure than the share of resamples that it wins."""
     sure = confidence.by_likelihood_confidence(0.9, left <= settings.RIGHT)

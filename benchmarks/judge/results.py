@@ -36,7 +36,7 @@ def made_by(table: pl.DataFrame) -> str:
     seeds = studies["seed"].unique().sort()
     starts = seeds.filter(seeds.diff().fill_null(2) > 1)
     ranges = studies.with_columns(first=starts.gather(starts.search_sorted(studies["seed"], "right") - 1))
-    return "; ".join(_made_by(one.drop("first")) for one in ranges.partition_by("first", maintain_order=True))
+    return "; ".join(map(_made_by, ranges.partition_by("first", maintain_order=True, include_key=False)))
 
 
 def _made_by(studies: pl.DataFrame) -> str:

@@ -149,9 +149,9 @@ class ByChange:
         found = changes.found
         if not (self.further or found):
             return True
-        doubted = [one.confidence(self.given) < DOUBTFUL for one in found[-2:]]
-        left = self.compared.chi2(self._last(changes))
-        return len(found) < MOST_FINDINGS and left > 1.0 and doubted != [False, True]
+        if len(found) == MOST_FINDINGS or not self.compared.chi2(self._last(changes)) > 1.0:
+            return False
+        return [one.confidence(self.given) < DOUBTFUL for one in found[-2:]] != [False, True]
 
     def best(self, changes: Changes, progress: Progress) -> Change | None:
         """Fit candidates for the next change, and return the step with the best of them; None without a fit.

@@ -294,8 +294,8 @@ class Contest:
         """Fit the candidates that are best on whole shots, on the first part of each shot, or on both.
 
         Where the error is at most FIT floors, candidates are chosen on whole shots, otherwise on the first
-        parts.  If none of them is right, those chosen in the other way are fitted too.  Only fits
-        that have not converged are repeated from another start, and with more steps.
+        parts.  If none of them is right, those chosen in the other way are fitted too.  Only fits that
+        have not converged are repeated, from another start or with more steps.
 
         Args:
             chosen: Effects that the vehicle has from earlier rounds.
@@ -601,8 +601,7 @@ def _has_converged(model: Model) -> bool:
 
     A fit of an effect with thresholds or delays has local minima, and never counts as converged.
     """
-    smooth = not any(one.resolution for one in model.unknown.entries)
-    return smooth and model.promised <= NEGLIGIBLE * model.normal.cost
+    return not model.unknown.has_thresholds and model.promised <= NEGLIGIBLE * model.normal.cost
 
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:

@@ -29,7 +29,6 @@ from hydro.core.evaluation.score_test import Columns, Evidence, p_values
 from hydro.core.identification.initial_guess import elsewhere
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
-    PRIOR,
     Prior,
     Problem,
     descend,
@@ -92,17 +91,14 @@ class Model:
     @property
     def step(self) -> Array:
         """Step to the least squares of the linearised problem, within the bounds, in scales, (P,)."""
-        unknown, normal, x = self.unknown, self.normal, self.values / self.unknown.scales
-        low, high = (bound / unknown.scales - x for bound in unknown.bounds)
-        information = normal.matrix.sum(axis=0) + PRIOR**-2 * np.eye(len(x))
-        return bounded_step(information, normal.score.sum(axis=0), low, high)
+        low, high = ((bound - self.values) / self.unknown.scales for bound in self.unknown.bounds)
+        return bounded_step(information(self.normal), self.normal.score.sum(axis=0), low, high)
 
     @property
     def promised(self) -> float:
         """Squared residual that this step would remove from the linearised problem."""
-        step = self.step
-        matrix, score = (part.sum(axis=0) for part in (self.normal.matrix, self.normal.score))
-        return float(2.0 * score @ step - step @ matrix @ step)
+        step, normal = self.step, self.normal
+        return float((2.0 * normal.score.sum(axis=0) - normal.matrix.sum(axis=0) @ step) @ step)
 
     def over(self, kept: NDArray[np.bool_]) -> Model:
         """Return the model over those of its shots that a mask (S,) keeps."""
@@ -199,7 +195,7 @@ def _settled(model: Model, iterations: int, share: float) -> Model:
     Raises:
         Diverges: The predicted motion diverges.
     """
-    if iterations >= ITERATIONS and any(entry.resolution for entry in model.unknown.entries):
+    if iterations >= ITERATIONS and model.unknown.has_thresholds:
         model = _beyond_corners(model, iterations, share)
     if not np.isfinite(model.normal.cost):
         raise Diverges(

@@ -3,10 +3,10 @@
 All candidates are linearised together about the present model, over short shots
 (`prediction.multiple_shooting`).  A score test asks whether the largest gain exceeds chance
 (`evaluation.score_test`).  The candidates with the largest gains are then fitted together with the model.
-The best joins it, and the search continues.  The first is chosen with its best second one, where it does not
-explain the error alone.  Where the residual is far above the noise, a few shots separate
-most candidates, and only the rest are fitted to all shots.  Afterwards every finding must still be needed
-with the others, and be the best in its place.
+The best joins it, and the search continues.  Where the best of the first round does not explain the error
+alone, pairs of effects decide.  Where the residual is far above the noise, a few shots separate most
+candidates, and only the rest are fitted to all shots.  Afterwards every finding must still be needed with the
+others, and be the best in its place.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from itertools import combinations
 from typing import cast
 
@@ -59,6 +60,9 @@ from hydro.core.identification.suspects import is_curved, plainer, shapes, suspe
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
+
+Pair = tuple[str, str]
+"""Names of two candidates."""
 
 
 @dataclass(frozen=True)
@@ -306,8 +310,8 @@ class Search:
         _, step[both] = linear_step(screening.normal, both)
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
         vehicle, tables = model.unknown.at(own), [one.begin(step[columns]) for one, columns in tried]
-        rest = [table for table in vehicle.effect if table["name"] not in names]
-        begun = msgspec.structs.replace(vehicle, effect=(*rest, *tables))
+        rest = reduce(Vehicle.without, names, vehicle)
+        begun = msgspec.structs.replace(vehicle, effect=(*rest.effect, *tables))
         cost, along = model.problem.cost(begun, step, screening.normal)
         if cost > model.normal.cost:  # too far for a linear step: only the effects start from it
             vehicle, along = model.vehicle, model.problem
@@ -320,8 +324,8 @@ class Search:
         """Return the fitted effect that a second one completes best, where none explains the error alone.
 
         The gains of all thrusters, for instance, absorb most of a current and a drag together, and no later
-        step leads back from them.  Pairs are ranked by their joint linear gain, less the penalty of their
-        parameters, and the best CONTENDERS are fitted quickly.
+        step leads back from them.  The CONTENDERS most promising pairs are fitted quickly, and the most
+        promising one with `first`.
 
         Args:
             screening: Test of all candidates.
@@ -330,16 +334,8 @@ class Search:
         """
         if not fits[first].normal.chi2 > 1.0 + MATERIAL:
             return first
-        model, gains = screening.model, dict[tuple[str, str], float]()
-        for one, other in combinations(screening.ranked, 2):
-            if one in fits or other in fits:
-                columns = [*screening.ranked[one][1], *screening.ranked[other][1]]
-                gain = screening.evidence.gain(screening.own, columns)
-                gains[one, other] = gain - penalty(len(model.costs), len(columns), model.normal.chi2)
-        pairs = sorted(gains, key=lambda pair: -gains[pair])
-        likely = dict.fromkeys([*pairs[:CONTENDERS], *[pair for pair in pairs if first in pair][:1]])
-        together = dict[tuple[str, str], float]()
-        for pair in likely:
+        pairs, together = promising_pairs(screening, fits), dict[Pair, float]()
+        for pair in dict.fromkeys([*pairs[:CONTENDERS], *[one for one in pairs if first in one][:1]]):
             with suppress(Diverges):
                 together[pair] = float(self.joined((), screening, *pair).penalised.sum())
         if not together or first in (best := min(together, key=together.__getitem__)):
@@ -539,6 +535,20 @@ class Search:
             fitted = fit_model(vehicle, wanted, problem, reach, iterations, known=known)
             self.made[begun] = self.baseline.compared(fitted)
         return self.made[begun]
+
+
+def promising_pairs(screening: Screening, fits: Mapping[str, Model]) -> list[Pair]:
+    """Return all pairs of candidates with at least one fitted effect, the most promising first.
+
+    They are ranked by their joint linear gain, less the penalty of their parameters.
+    """
+    model, gains = screening.model, dict[Pair, float]()
+    for pair in combinations(screening.ranked, 2):
+        if not fits.keys().isdisjoint(pair):
+            columns = [column for name in pair for column in screening.ranked[name][1]]
+            gain = screening.evidence.gain(screening.own, columns)
+            gains[pair] = gain - penalty(len(model.costs), len(columns), model.normal.chi2)
+    return sorted(gains, key=lambda pair: -gains[pair])
 
 
 def most_gain(effect: str, gain: float) -> float:

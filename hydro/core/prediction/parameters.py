@@ -104,6 +104,11 @@ class Free:
         """Names of the effects with free components, in their order."""
         return list(dict.fromkeys(entry.effect for entry in self.entries))
 
+    @property
+    def has_thresholds(self) -> bool:
+        """Whether any component acts in whole steps, so that fits end in local minima."""
+        return any(entry.resolution for entry in self.entries)
+
     def places(self, effect: str) -> list[int]:
         """Return the indices, from 0 to P - 1, of the free components of one effect."""
         return [i for i, entry in enumerate(self.entries) if entry.effect == effect]
