@@ -112,7 +112,7 @@ def _audit(vehicle: str, file: str, artefact: Artefact, shown: bool) -> bool:
     if found is None:
         typer.echo(f"{file}: too short, or no thrusters: the thrusters are not audited", err=True)
         return False
-    if shown:
+    if shown and not found.contradicted:
         print_table(found.table(), f"thrust as a multiple of {vehicle}")
     for line in found.lines(vehicle):
         typer.echo(f"{file}: {line}", err=not shown)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
-from hydro.core.audit.thrusters import ThrusterAudit, audit
+from hydro.core.audit.thrusters import CLEARLY, ThrusterAudit, audit
 from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
@@ -18,6 +18,7 @@ from hydro.core.diagnosis.settings import MOST_SHOTS
 from hydro.core.errors import DataError
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.late_velocities import lateness, on_time
@@ -169,8 +170,8 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     if found is None or not found.wrong:
         return plain.audited(found)
     ordered = _ordered(vehicle, log, found.wiring)
-    if hull is not None and not _predicts_better(hull.completed(vehicle), ordered, plain, hull):
-        return plain  # the hull-force model misled the audit
+    if _contradicted(vehicle if hull is None else hull.completed(vehicle), ordered, plain, hull):
+        return plain.audited(replace(found, contradicted=True))
     misdirected = Finding(
         "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()
     )
@@ -217,25 +218,31 @@ def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
         return None
 
 
-def _predicts_better(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocessed, hull: Hull) -> bool:
-    """Return whether most predictions of a recording are better with another order of the commands.
+def _contradicted(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocessed, hull: Hull | None) -> bool:
+    """Return whether most predictions of a recording are clearly worse with another order of the commands.
 
-    The audit compares accelerations at one time, where the error of a poor hull-force model can look like an
-    exchange of two thrusters.  Predictions can contradict it, because exchanged columns drive the vehicle
-    elsewhere.  Without a gap-free stretch for a prediction, the audit alone decides.
+    The audit compares accelerations at one time, where missing forces or the error of a hull-force model can
+    look like an exchange of two thrusters.  Predictions can contradict it, because exchanged columns drive
+    the vehicle elsewhere.  A file without a hull-force model may predict badly with any order, so the squared
+    residual must then be CLEARLY greater.  Without a gap-free stretch for a prediction, the audit alone
+    decides.
     """
     try:
         given, other = (_costs(vehicle, one, hull) for one in (plain, ordered))
     except DataError:
-        return True
-    return bool((other < given).sum() > (given < other).sum())
+        return False
+    least = CLEARLY if hull is None else 1.0
+    return bool((other > least * given).sum() > (other < least * given).sum())
 
 
-def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array:
-    """Return the squared residual of each of S predictions with the hull-force model, (S,).
+def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull | None) -> Array:
+    """Return the squared residual of each of S predictions, with the hull-force model if there is one, (S,).
 
     They are half as long as those of a fit: within two seconds, an undamped file turns over with any order.
     """
     shots = log.shots(SHOT_SECONDS / 2.0)
-    transitions = Transitions.of(candidate(vehicle), shots)
-    return np.asarray(hull.acting(vehicle, transitions).linearise(vehicle, [], []).gram[:, -1, -1])
+    if hull is None:
+        problem = OutputError.of(shots, vehicle)
+    else:
+        problem = hull.acting(vehicle, Transitions.of(candidate(vehicle), shots))
+    return np.asarray(problem.linearise(vehicle, [], []).gram[:, -1, -1])

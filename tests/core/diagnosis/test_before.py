@@ -301,14 +301,18 @@ def test_other_changes_are_not_reported_as_swapped_command_columns(drag, changes
     assert preprocess(synthetic.vehicle(), flown(*changes, seed=40), drag).wiring is None
 
 
-def test_columns_keep_their_order_where_the_exchanged_ones_predict_worse(hull, monkeypatch):
-    """The error of a hull-force model can look like an exchange of columns to the audit."""
-    raw = half(flown(seed=40))
-    exchanged = preprocess(damped(), raw.with_columns(**EXCHANGED), hull)
+@pytest.mark.parametrize("known_hull", [True, False])
+def test_columns_keep_their_order_where_the_exchanged_ones_predict_worse(hull, monkeypatch, known_hull):
+    """A missing force, or the error of a hull-force model, can look like an exchange of columns."""
+    raw, beside = half(flown(seed=40)), hull if known_hull else None
+    exchanged = preprocess(damped(), raw.with_columns(**EXCHANGED), beside)
     assert exchanged.wiring is not None
     monkeypatch.setattr(log_faults, "audit", lambda *_, **__: exchanged.audit)
-    kept = preprocess(damped(), raw, hull)
+    kept = preprocess(damped(), raw, beside)
     assert kept.wiring is None
+    assert kept.audit is not None
+    (told,) = kept.audit.lines()
+    assert told.startswith("the accelerations look as if columns 1 and 2 are swapped, but")
     assert not kept.misdirected
     assert not [one for one in kept.faults if one.members == ("cmd_1", "cmd_2")]
 
