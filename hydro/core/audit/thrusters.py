@@ -43,8 +43,8 @@ a swap or a reversed thruster that is there explains most of it.  In logs of fou
 wrong."""
 CLEARLY = 2.0
 """Squared residual of predictions with the stated order, relative to that with the file's, above which
-predictions contradict the audit.  Its median is at most 1.2 for 45 planted mistakes with first-guess files, and
-12.7 for a mistake that was not there."""
+predictions contradict the audit.  Its median is at most 1.2 for 45 planted mistakes with first-guess files,
+and 12.7 for a mistake that was not there."""
 MOST_ALTERNATIVES, LIKELY = 3, 0.05
 """Maximum number of listed alternatives, and their minimum probability."""
 
