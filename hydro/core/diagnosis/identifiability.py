@@ -13,6 +13,7 @@ not show.  They are input to the planning of the next experiment.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +22,7 @@ from hydro.core.columns import DOF, Array
 from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.settings import CLOSEST
+from hydro.core.diagnosis.settings import CLOSEST, DISTINCT
 from hydro.core.effects import CATALOGUE, inertia_matrix
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
@@ -184,6 +185,28 @@ def _states(thrusters: int) -> Recording:
     )
 
 
+def _without_unseen_inertia(outcome: Outcome) -> Model:
+    """Return the model without found inertia that the recording does not show, such as a payload's mass.
+
+    Such a value is at most DISTINCT standard errors.  By chance it is not zero, and would hide an alias.
+    """
+    model, fit = outcome.model, outcome.fit
+    if fit is None:
+        return model
+    changed, inertia = moved(model.unknown, model.values)[0], inertia_matrix(model.vehicle)
+    unseen = np.array(
+        [
+            entry.effect in outcome.effects
+            and not np.array_equal(inertia_matrix(vehicle), inertia)
+            and abs(value) <= DISTINCT * error
+            for entry, vehicle, value, error in zip(
+                model.unknown.entries, changed, model.values, fit.standard_errors, strict=True
+            )
+        ]
+    )
+    return replace(model, values=np.where(unseen, 0.0, model.values))
+
+
 def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> Question:
     """Return the open questions of a diagnosis, for the planning of the next experiment.
 
@@ -230,7 +253,7 @@ def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
     known = [*baseline.effects, *outcome.effects]
-    same = aliases(model, known, log.track)
+    same = aliases(_without_unseen_inertia(outcome), known, log.track)
     for name, others in same.items():
         yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
     for name, (_, columns) in last.ranked.items():

@@ -89,9 +89,26 @@ def test_an_alias_is_not_separable_instead_of_not_excited(monkeypatch):
         raise DataError("every manoeuvre diverges")
 
     monkeypatch.setattr(identifiability, "showing", diverges)
-    outcome = SimpleNamespace(model=model, last=last, effects=[])
+    outcome = SimpleNamespace(model=model, last=last, effects=[], fit=None)
     told = {one.effect: one.verdict for one in unseen(cast(Any, baseline), cast(Any, outcome))}
     assert told == {"payload": "not_separable", "surface_suction": "not_excited"}
+
+
+@pytest.mark.parametrize(("mass", "verdict"), [(1e-5, "not_separable"), (0.1, "not_excited")])
+def test_a_mass_within_its_error_does_not_hide_an_alias(monkeypatch, mass, verdict):
+    """A payload whose fitted mass is not zero by chance alone is a net buoyancy and a moved centre."""
+    vehicle = damped({"name": "payload", "w": 5.0, "x": 0.2, "y": 0.1, "z": 0.3, "mass": mass})
+    unknown = free(vehicle, ["payload"])
+    evidence = SimpleNamespace(covariance=lambda own, columns, chi2: 1e6 * np.eye(len(columns)))
+    model = Model(unknown, unknown.starts[0], None, cast(Any, SimpleNamespace(chi2=1.0)))
+    ranked = {"net_buoyancy": (0.0, range(1)), "buoyancy_offset": (0.0, range(3))}
+    last = SimpleNamespace(ranked=ranked, evidence=evidence, own=[])
+    log = SimpleNamespace(track=None, noise=None, middle=None)
+    monkeypatch.setattr(identifiability, "showing", lambda *_, **__: {})
+    fit = SimpleNamespace(standard_errors=np.full(5, 0.001))
+    outcome = SimpleNamespace(model=model, last=last, effects=["payload"], fit=fit)
+    found = unseen(cast(Any, SimpleNamespace(log=log, effects=[])), cast(Any, outcome))
+    assert {one.effect: one.verdict for one in found} == dict.fromkeys(ranked, verdict)
 
 
 def gains(raw):
