@@ -196,11 +196,14 @@ class Found:
         effect: Name of the effect.
         p_value: Probability that the largest gain of all effects is as large by chance.
         rivals: Fitted models of the round, by effect: with this effect, or with another in its place.
+        ahead: Quick fit of the effect together with the best second one, by the name of that one; empty
+            without a look ahead.
     """
 
     effect: str
     p_value: float
     rivals: Mapping[str, Model]
+    ahead: Mapping[str, Model] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:

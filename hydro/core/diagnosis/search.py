@@ -320,7 +320,9 @@ class Search:
         except Diverges:  # too far even so: the effects start from their default values
             return self._fit(model.vehicle, [*chosen, *names], model.problem, QUICK_STEPS)
 
-    def with_second(self, screening: Screening, fits: Mapping[str, Model], first: str) -> str:
+    def with_second(
+        self, screening: Screening, fits: Mapping[str, Model], first: str
+    ) -> tuple[str, dict[str, Model]]:
         """Return the fitted effect that a second one completes best, where none explains the error alone.
 
         The gains of all thrusters, for instance, absorb most of a current and a drag together, and no later
@@ -331,16 +333,23 @@ class Search:
             screening: Test of all candidates.
             fits: Fits of single effects.
             first: The best of these.
+
+        Returns:
+            The effect, and its quick fit together with the second one, by the name of that one; empty if one
+            effect is enough.
         """
         if not fits[first].normal.chi2 > 1.0 + MATERIAL:
-            return first
-        pairs, together = promising_pairs(screening, fits), dict[Pair, float]()
+            return first, {}
+        pairs, together = promising_pairs(screening, fits), dict[Pair, Model]()
         for pair in dict.fromkeys([*pairs[:CONTENDERS], *[one for one in pairs if first in one][:1]]):
             with suppress(Diverges):
-                together[pair] = float(self.joined((), screening, *pair).penalised.sum())
-        if not together or first in (best := min(together, key=together.__getitem__)):
-            return first
-        return leader({name: fits[name] for name in best if name in fits}) or first
+                together[pair] = self.joined((), screening, *pair)
+        if not together:
+            return first, {}
+        best = min(together, key=lambda pair: float(together[pair].penalised.sum()))
+        if first not in best:
+            first = leader({name: fits[name] for name in best if name in fits}) or first
+        return first, {name: together[best] for name in best if name != first}
 
     def grow(
         self,
@@ -391,12 +400,12 @@ class Search:
             screening = self.screen(begun, state.effects)
         if not self.telling(screening, begun) or (count and self.in_vain(screening)):
             return Round(screening)
-        known = self.from_distant_starts(begun) if begun is not model else {}
+        known = self.from_distant_starts(begun) if begun is not model else self.looked_ahead(state)
         fits = self.contend(begun, state.effects, screening, part(told, 0.3, 1.0), known)
-        best = leader(fits)
+        best, ahead = leader(fits), dict[str, Model]()
         if best is not None and not count:
-            best = self.with_second(screening, fits, best)
-        return Round(screening, None if best is None else Found(best, screening.p_value, fits))
+            best, ahead = self.with_second(screening, fits, best)
+        return Round(screening, None if best is None else Found(best, screening.p_value, fits, ahead))
 
     def belongs(self, state: Grown, step: Round) -> bool:
         """Return whether a round found an effect that is material, or visible and shown by kinematics."""
@@ -413,10 +422,12 @@ class Search:
     def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
         """Return whether findings explain too small a share of the baseline fit's error to continue.
 
-        It counts only above RIGHT times the noise; findings that kinematics shows do not count.
+        It counts only above RIGHT times the noise; findings that kinematics shows do not count.  Where a
+        first effect was fitted together with a second one, that fit counts.
         """
         doubtful = sum(not self.baseline.sure(one.effect) for one in found)
         least = min(ALMOST_ALL, doubtful) if self.from_file else FURTHER * doubtful
+        model = next(iter(found[-1].ahead.values()), model)
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
     def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
@@ -444,6 +455,14 @@ class Search:
         """
         chi2 = screening.model.normal.chi2
         return chi2 > FAR_FROM_NOISE and screening.evidence.left * chi2 > FAR_FROM_NOISE
+
+    def looked_ahead(self, state: Grown) -> dict[str, Model]:
+        """Return the second effect of the last look ahead, fitted to convergence, by name."""
+        fits = dict[str, Model]()
+        for name, quick in (state.found[-1].ahead if state.found else {}).items():
+            with suppress(Diverges):
+                fits[name] = self.converged(quick, state.model, [*state.effects, name])
+        return fits
 
     def from_distant_starts(self, filed: Model) -> dict[str, Model]:
         """Return fits of the file with each effect that has starting tables far from zero in the catalogue.
