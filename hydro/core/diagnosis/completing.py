@@ -50,11 +50,11 @@ def _completed(vehicle: Vehicle, log: Preprocessed, hull: Hull, own: Sequence[st
     """Return the model learnt about the vehicle with effects `own` of the file fitted, or `hull`."""
     further = [name for name in LACKING if not vehicle.names(name)]
     try:
-        shots = stable_shots(vehicle, log).some(SHOTS).alone()
+        shots = stable_shots(vehicle, log).some(SHOTS)
         model, _, reached = weighed_fit(vehicle, [*own, *further], shots, log)
         whole = with_built_in(passive(model).vehicle, [name for name in BUILT_IN if name in further])
         entries(whole)  # values that a vehicle file accepts
-        other = learnt(whole, stable_shots(whole, log).alone())
+        other = learnt(whole, stable_shots(whole, log))
     except (DataError, np.linalg.LinAlgError):
         return hull
     if not reached or not other.left < hull.left:

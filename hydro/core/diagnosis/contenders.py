@@ -181,7 +181,7 @@ class Compared:
             DataError: The recording is too short, or the vehicle's predictions diverge.
         """
         sigma = np.maximum(log.noise, hull.sigma) * hull.floor
-        problem = stable_shots(vehicle, log).some(2 * SHOTS).alone().weighed(sigma)
+        problem = stable_shots(vehicle, log).some(2 * SHOTS).weighed(sigma)
         compared = cls(log, hull, problem, folds(problem.shots.session))
         return compared._with_weights(vehicle)
 

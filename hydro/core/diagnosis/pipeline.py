@@ -117,7 +117,7 @@ def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> H
     """
     log = preprocess(vehicle, before)
     require_ready(log.observed)
-    problem = stable_shots(vehicle, log).alone()
+    problem = stable_shots(vehicle, log)
     if law is not None:
         return known_by(vehicle, problem, law)
     hull = learnt(vehicle, problem)

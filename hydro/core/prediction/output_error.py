@@ -90,10 +90,6 @@ class OutputError:
         """
         return replace(self, shots=self.shots.of(kept), near=None)
 
-    def alone(self) -> Self:
-        """Return the problem without the rows of a long recording that no shot needs (`Shots.alone`)."""
-        return replace(self, shots=self.shots.alone(), near=None)
-
     def first_part(self, seconds: float) -> Self:
         """Return a copy of the problem with shots cut after a compared time [s]."""
         return replace(self, shots=self.shots.first_part(seconds), near=None)

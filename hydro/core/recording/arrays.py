@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -99,26 +99,6 @@ class Recording:
     def track(self) -> Array:
         """Positions x y z [m] and times [s], (N, 4)."""
         return np.column_stack([self.eta[:, :3], self.t])
-
-    def of(self, kept: Mask) -> Recording:
-        """Return a recording of those rows that a mask (N,) keeps; each run of rows is a segment."""
-        segment = np.repeat(np.arange(len(self.segments)), np.diff(self.segments, axis=1)[:, 0])
-        before = np.full(self.rows, -1)
-        before[1:] = np.where(kept[:-1], segment[:-1], -1)
-        begins = kept & (segment != before)
-        old = segment[begins]
-        at = (np.cumsum(kept) - 1)[begins]
-        return replace(
-            self,
-            t=self.t[kept],
-            eta=self.eta[kept],
-            nu=self.nu[kept],
-            commands=self.commands[kept],
-            segments=np.column_stack([at, np.append(at, kept.sum())[1:]]).astype(np.int64),
-            after_gap=self.after_gap[old] | (np.flatnonzero(begins) > self.segments[old, 0]),
-            session=self.session[old],
-            seen=None if self.seen is None else self.seen[kept],
-        )
 
 
 def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import CUBIC_REACH, Recording, channels, noise, smoothed
+from hydro.core.recording.arrays import Recording, channels, noise, smoothed
 from hydro.core.vehicle.frames import body_states
 
 SHOT_SECONDS = 2.0
@@ -23,7 +23,6 @@ TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)
 """Prior standard deviation of a measured initial state [m, rad, m/s, rad/s]."""
 UNSEEN_TRUST = 5.0  # factor for components without a sample in the shot
 UNKNOWN = 0.5  # s, time after a gap in which thrusters still respond to commands lost in it
-WARM_UP = 4.0  # s, time for which rotor states are computed before a shot: eight lags of a slow rotor
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 LEAST_SWELL = 1e-12  # negligible variance of waves in a shot, in units of the noise variance
 
@@ -146,32 +145,6 @@ class Shots:
         there = tuple(name for name in ("seen", "swell", "anchor") if getattr(self, name) is not None)
         parts = ("starts", "segment", "first", "measured", *there)
         return replace(self, **{name: getattr(self, name)[kept] for name in parts})
-
-    def alone(self) -> Shots:
-        """Return a copy whose recording lacks the rows that no shot needs; the shots themselves if all count.
-
-        A long recording has many more rows than the shots that were kept of it.  The rows of each shot
-        remain, those of WARM_UP before it for the states of its rotors, and those of CUBIC_REACH after it for
-        accelerations.
-        """
-        if self.share == 1.0:
-            return self
-        dt, bounds = self.record.dt, self.record.segments[self.segment]
-        first = np.maximum(self.starts - round(WARM_UP / dt), bounds[:, 0])
-        last = np.minimum(self.starts + self.length + round(CUBIC_REACH / dt), bounds[:, 1])
-        needed = np.zeros(self.record.rows, np.bool_)
-        for begin, end in zip(first, last, strict=True):
-            needed[begin:end] = True
-        record, rows = self.record.of(needed), np.cumsum(needed) - 1
-        starts = rows[self.starts]
-        return replace(
-            self,
-            record=record,
-            starts=starts,
-            segment=np.searchsorted(record.segments[:, 0], starts, side="right") - 1,
-            eta=self.eta[needed],
-            nu=self.nu[needed],
-        )
 
     def first_part(self, seconds: float) -> Shots:
         """Return a copy of the shots cut after a compared time [s], or the shots themselves if not longer."""

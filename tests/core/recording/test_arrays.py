@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
-
 import msgspec
 import numpy as np
 import polars as pl
 import pytest
 import synthetic
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from recordings import damped, moved, noisy
 
 from hydro.core.columns import POSE, VELOCITY
@@ -81,22 +76,3 @@ def test_smooth_motion_has_no_noise_however_still_it_is(seconds, rest, lag, kind
     raw = thrust_in_steps(seconds, rest, lag).with_columns(pl.col(*POSE, *VELOCITY).cast(kind))
     record = recording(synthetic.vehicle(), raw)
     assert noise(record).max() < 2e-4
-
-
-@given(kept=arrays(bool, 30, elements=st.booleans()))
-def test_a_recording_of_some_rows_has_a_segment_for_each_run_of_them(kept):
-    """Runs end with a session; only a run that begins after the first row of a session resumes it."""
-    raw = moved(damped(), rows=30).with_columns(session=pl.lit("a"))
-    raw = pl.concat([raw.head(12), raw.tail(18).with_columns(session=pl.lit("b"))])
-    record = recording(damped(), raw)
-    part = record.of(kept)
-    np.testing.assert_array_equal(part.t, record.t[kept])
-    rows = np.flatnonzero(kept)
-    runs = [rows[start:stop] for start, stop in part.segments]
-    assert sum(map(len, runs)) == len(rows)
-    for run, resumes, session in zip(runs, part.after_gap, part.session, strict=True):
-        assert (np.diff(run) == 1).all()
-        assert set(run >= 12) == {bool(session)}
-        assert resumes == (run[0] not in (0, 12))
-    ends = [(one[-1], other[0]) for one, other in itertools.pairwise(runs)]
-    assert all(last + 1 < first or first == 12 for last, first in ends)

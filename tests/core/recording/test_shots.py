@@ -6,16 +6,13 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import msgspec
 import numpy as np
 import polars as pl
 import pytest
 from recordings import damped, moved, noisy
 
-from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording, smoothed
 from hydro.core.recording.shots import TRUST, Shots, make_shots, smoothing_error
-from hydro.core.vehicle.description import Vehicle
 
 
 def test_less_is_known_of_a_beginning_where_a_shot_has_no_sample_of_a_channel():
@@ -42,34 +39,6 @@ def test_the_first_part_of_shots_has_their_first_rows_only():
     assert part.swell.shape[1] == 13
     np.testing.assert_array_equal(part.first, shots.first)
     assert shots.first_part(5.0) is shots
-
-
-def lagged(lag: float) -> tuple[Vehicle, pl.DataFrame]:
-    """A vehicle whose thrusters follow with a lag [s], and its motion in two sessions of two minutes."""
-    known = damped()
-    thrusters = tuple(msgspec.structs.replace(one, time_constant=lag) for one in known.thruster)
-    vehicle = msgspec.structs.replace(known, thruster=thrusters)
-    raw = pl.concat(moved(vehicle, rows=6000).with_columns(session=pl.lit(name)) for name in ("a", "b"))
-    return vehicle, raw
-
-
-@pytest.mark.parametrize("lag", [0.0, 0.15, 0.3])
-def test_predictions_need_only_the_rows_around_their_shots(lag):
-    """The rest of a long recording changes no prediction by as much as a hundredth of its noise."""
-    vehicle, raw = lagged(lag)
-    shots = make_shots(recording(vehicle, raw), sigma=np.repeat([0.02, 0.002, 0.01, 0.002], 3), most=12)
-    alone = shots.alone()
-    assert alone.record.rows < 0.4 * shots.record.rows
-    np.testing.assert_array_equal(alone.session, shots.session)
-    np.testing.assert_array_equal(alone.record.t[alone.starts], shots.record.t[shots.starts])
-    np.testing.assert_array_equal(alone.record.nu[alone.starts + 50], shots.record.nu[shots.starts + 50])
-    whole, parts = (OutputError(one).residuals(vehicle) for one in (shots, alone))
-    np.testing.assert_allclose(parts, whole, atol=0.01)
-
-
-def test_shots_that_cover_their_recording_keep_all_its_rows():
-    shots = make_shots(recording(damped(), moved(damped(), rows=1050)))
-    assert shots.alone() is shots
 
 
 def test_an_anchored_initial_state_counts_at_most_as_a_sample():
