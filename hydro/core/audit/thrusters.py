@@ -74,8 +74,8 @@ class ThrusterAudit:
         shown: Whether the acceleration of each of u v w p q r was measured and is used, (6,).
         held: Whether it was measured but is not used, because the commands oppose the motion there, (6,).
         delay: Delay from command to motion [s].
-        contradicted: Whether predictions of the file are clearly worse with `wiring` than with the file's
-            own directions and order, so that these stay.
+        contradicted: Whether predictions are worse with `wiring` than with the file's own directions and
+            order, so that these stay.
     """
 
     wiring: Wiring
@@ -114,15 +114,13 @@ class ThrusterAudit:
             sources: Names of the columns in the log, in the order of the map; None without a map.
         """
         if self.contradicted:
-            yield (
-                f"the accelerations look as if {self._told(self.wiring)}, but with that order the file "
-                "predicts the motion clearly worse: directions and order stay; a missing force is likelier"
-            )
-            return
-        if self.clear.any() and not self.wrong:
-            yield self.headline()
-        yield from self.statements(file, sources)
-        yield from self._unseen()
+            yield f"the accelerations look as if {self._told(self.wiring)}"
+            yield "predictions are worse like that: directions and order stay, a missing force is likelier"
+        else:
+            if self.clear.any() and not self.wrong:
+                yield self.headline()
+            yield from self.statements(file, sources)
+            yield from self._unseen()
         if self.held.any():
             yield (
                 f"a controller opposes the motion on {listed(_axes(self.held, DOF))}: "
@@ -140,7 +138,7 @@ class ThrusterAudit:
         """
         if self.wrong:
             yield self.headline(file, sources)
-        if self.seen.any() and not self.contradicted:
+        if self.seen.any():
             yield from self._sizes()
 
     def headline(self, file: str = "", sources: Sequence[str] | None = None) -> str:

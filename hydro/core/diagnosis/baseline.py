@@ -148,9 +148,11 @@ class Baseline:
     def explained(self, model: Model) -> float:
         """Return the share of the baseline fit's error beyond the noise that a model explains.
 
-        It is negative for a model that fits worse than the baseline.
+        Squared residuals are compared per shot, because a model may be fitted to some of the shots only.  The
+        share is negative for a model that fits worse than the baseline.
         """
-        return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
+        first, all_over_some = self.refitted, len(self.refitted.costs) / len(model.costs)
+        return (first.normal.cost - all_over_some * model.normal.cost) / max(first.excess, 1e-9)
 
     def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
         """Return the linearised test of candidates against a model's residual, scaled to all shots."""

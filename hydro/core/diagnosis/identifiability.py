@@ -186,25 +186,24 @@ def _states(thrusters: int) -> Recording:
 
 
 def _without_unseen_inertia(outcome: Outcome) -> Model:
-    """Return the model without found inertia that the recording does not show, such as a payload's mass.
+    """Return the model without inertia that was found by chance, such as a payload's mass of a gram.
 
-    Such a value is at most DISTINCT standard errors.  By chance it is not zero, and would hide an alias.
+    The recording determines such a value, to UNDETERMINED of its scale, and it is at most DISTINCT standard
+    errors from zero.  It would hide an alias.
     """
     model, fit = outcome.model, outcome.fit
     if fit is None:
         return model
-    changed, inertia = moved(model.unknown, model.values)[0], inertia_matrix(model.vehicle)
-    unseen = np.array(
-        [
-            entry.effect in outcome.effects
-            and not np.array_equal(inertia_matrix(vehicle), inertia)
-            and abs(value) <= DISTINCT * error
-            for entry, vehicle, value, error in zip(
-                model.unknown.entries, changed, model.values, fit.standard_errors, strict=True
-            )
-        ]
-    )
-    return replace(model, values=np.where(unseen, 0.0, model.values))
+    values = model.values.copy()
+    for i, (entry, error) in enumerate(zip(model.unknown.entries, fit.standard_errors, strict=True)):
+        if entry.effect not in outcome.effects:
+            continue
+        known = error <= UNDETERMINED * model.unknown.scales[i] and abs(values[i]) <= DISTINCT * error
+        massless = np.where(np.arange(len(values)) == i, 0.0, values)
+        changed, without = model.unknown.at(massless), model.vehicle.without(entry.effect)
+        if known and np.array_equal(inertia_matrix(changed), inertia_matrix(without)):
+            values[i] = 0.0
+    return replace(model, values=values)
 
 
 def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> Question:

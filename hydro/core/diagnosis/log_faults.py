@@ -219,20 +219,21 @@ def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
 
 
 def _contradicted(vehicle: Vehicle, ordered: Preprocessed, plain: Preprocessed, hull: Hull | None) -> bool:
-    """Return whether most predictions of a recording are clearly worse with another order of the commands.
+    """Return whether most predictions of a recording contradict another order of the commands.
 
     The audit compares accelerations at one time, where missing forces or the error of a hull-force model can
     look like an exchange of two thrusters.  Predictions can contradict it, because exchanged columns drive
-    the vehicle elsewhere.  A file without a hull-force model may predict badly with any order, so the squared
-    residual must then be CLEARLY greater.  Without a gap-free stretch for a prediction, the audit alone
-    decides.
+    the vehicle elsewhere.  With a hull-force model, the other order must predict most shots better.  A file
+    alone may predict badly with any order, so the other one must then predict most shots CLEARLY worse.
+    Without a gap-free stretch for a prediction, the audit alone decides.
     """
     try:
         given, other = (_costs(vehicle, one, hull) for one in (plain, ordered))
     except DataError:
         return False
-    least = CLEARLY if hull is None else 1.0
-    return bool((other > least * given).sum() > (other < least * given).sum())
+    if hull is not None:
+        return not (other < given).sum() > (given < other).sum()
+    return bool((other > CLEARLY * given).sum() > (other < CLEARLY * given).sum())
 
 
 def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull | None) -> Array:

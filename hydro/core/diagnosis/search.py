@@ -400,7 +400,11 @@ class Search:
             screening = self.screen(begun, state.effects)
         if not self.telling(screening, begun) or (count and self.in_vain(screening)):
             return Round(screening)
-        known = self.from_distant_starts(begun) if begun is not model else self.looked_ahead(state)
+        known = dict[str, Model]()
+        if begun is not model:
+            known = self.from_distant_starts(begun)
+        elif screening.significant:
+            known = self.looked_ahead(state)
         fits = self.contend(begun, state.effects, screening, part(told, 0.3, 1.0), known)
         best, ahead = leader(fits), dict[str, Model]()
         if best is not None and not count:
@@ -457,11 +461,16 @@ class Search:
         return chi2 > FAR_FROM_NOISE and screening.evidence.left * chi2 > FAR_FROM_NOISE
 
     def looked_ahead(self, state: Grown) -> dict[str, Model]:
-        """Return the second effect of the last look ahead, fitted to convergence, by name."""
+        """Return the second effect of the last look ahead, fitted to convergence, by name.
+
+        It is left out where kinematics refutes it.
+        """
         fits = dict[str, Model]()
         for name, quick in (state.found[-1].ahead if state.found else {}).items():
             with suppress(Diverges):
-                fits[name] = self.converged(quick, state.model, [*state.effects, name])
+                fit = self.converged(quick, state.model, [*state.effects, name])
+                if not refuted(self.baseline.sensors, name, fit.vehicle):
+                    fits[name] = fit
         return fits
 
     def from_distant_starts(self, filed: Model) -> dict[str, Model]:
@@ -506,10 +515,12 @@ class Search:
         The newest finding has just done so, and competes only if another was dropped.  The only one left of
         several must be a finding about the baseline, too; a finding alone from the start is not tested.
         """
-        model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
+        model, first = outcome.model, self.baseline.refitted
+        found = [replace(one, ahead={}) for one in outcome.found]
+        kept = list(found)
         without: dict[str, Model] = {}
-        for number, one in enumerate(outcome.found):
-            told = part(progress, number / len(outcome.found), (number + 1) / len(outcome.found))
+        for number, one in enumerate(found):
+            told = part(progress, number / len(found), (number + 1) / len(found))
             told(f"without {one.effect}", 0.0)
             others = [other.effect for other in kept if other is not one]
             if not others:
@@ -521,14 +532,14 @@ class Search:
                 model = lesser
                 continue
             place = kept.index(one)
-            if one is not outcome.found[-1] or len(kept) < len(outcome.found):
+            if one is not found[-1] or len(kept) < len(found):
                 screening = self.screen(self.fewer(lesser), others)
                 fits = self.contend(lesser, others, screening, part(told, 0.3, 1.0), {one.effect: model})
                 best = leader(fits) or one.effect
                 kept[place] = Found(best, min(screening.p_value, one.p_value), fits)
                 model = fits[best]
             without[kept[place].effect] = lesser
-        if len(kept) == 1 < len(outcome.found):
+        if len(kept) == 1 < len(found):
             # With the dropped finding in the model it may have looked larger than it is.
             without[kept[0].effect] = first
             if not self.baseline.belongs(kept[0].effect, first.normal.cost - model.normal.cost, first):

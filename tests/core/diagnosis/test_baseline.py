@@ -43,6 +43,21 @@ def test_a_larger_gain_stays_material(first: float, left: float, part: float):
         assert gain >= VISIBLE * RESIDUALS
 
 
+@pytest.mark.parametrize("shots", [600, 48])
+def test_a_fit_to_some_of_the_shots_explains_as_much_as_one_to_all(shots: int):
+    """A pair of effects is fitted to a part of the shots where the residual is far above the noise."""
+
+    def over(count: int, chi2: float) -> Model:
+        normal = SimpleNamespace(residuals=100.0 * count, cost=chi2 * 100.0 * count)
+        return cast(
+            Model, SimpleNamespace(costs=np.zeros(count), normal=normal, excess=(chi2 - 1.0) * 100.0 * count)
+        )
+
+    baseline = Baseline(*[cast(Any, None)] * 5, over(600, 101.0), {})
+    assert baseline.explained(over(shots, 101.0)) == pytest.approx(0.0)
+    assert baseline.explained(over(shots, 51.0)) == pytest.approx(0.5)
+
+
 def test_a_significant_gain_is_material_if_it_is_a_large_share_of_the_present_residual():
     """A third effect is not passed over because the first one was a thousand times the noise."""
     baseline, before = begun_from(1000 * RESIDUALS), leaving(0.13 * RESIDUALS)

@@ -311,10 +311,25 @@ def test_columns_keep_their_order_where_the_exchanged_ones_predict_worse(hull, m
     kept = preprocess(damped(), raw, beside)
     assert kept.wiring is None
     assert kept.audit is not None
-    (told,) = kept.audit.lines()
-    assert told.startswith("the accelerations look as if columns 1 and 2 are swapped, but")
+    told = [*kept.audit.lines()]
+    assert told[0] == "the accelerations look as if columns 1 and 2 are swapped"
+    assert told[1].startswith("predictions are worse like that")
     assert not kept.misdirected
     assert not [one for one in kept.faults if one.members == ("cmd_1", "cmd_2")]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "alone", "beside"),
+    [(0.9, False, False), (1.0, False, True), (1.5, False, True), (2.5, True, True)],
+)
+def test_predictions_of_a_file_alone_contradict_the_audit_only_if_they_are_clearly_worse(
+    monkeypatch, ratio, alone, beside
+):
+    """With a hull-force model the other order has to be better; costs are equal for an ambiguous audit."""
+    costs = {"plain": np.ones(9), "ordered": np.full(9, ratio)}
+    monkeypatch.setattr(log_faults, "_costs", lambda vehicle, log, hull: costs[log])
+    assert log_faults._contradicted(damped(), "ordered", "plain", None) is alone
+    assert log_faults._contradicted(damped(), "ordered", "plain", "hull") is beside
 
 
 def test_command_columns_exchanged_since_are_the_first_finding(drag):

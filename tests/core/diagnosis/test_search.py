@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from hydro.core.diagnosis.baseline import Found, Grown
 from hydro.core.diagnosis.by_likelihood import may_be_right
+from hydro.core.diagnosis.model import Diverges
 from hydro.core.diagnosis.search import Search
 
 
@@ -31,9 +34,40 @@ def test_a_model_above_the_noise_is_wrong_unless_it_explains_almost_all(share, c
 
 @pytest.mark.parametrize(("share", "little"), [(0.5, True), (0.8, True), (0.97, False)])
 def test_a_search_from_the_file_continues_only_if_its_first_effect_explains_almost_all(share, little):
-    found = [cast(Any, SimpleNamespace(effect="net_buoyancy"))]
+    found = [cast(Any, SimpleNamespace(effect="net_buoyancy", ahead={}))]
     assert Search(explaining(share), from_file=True).explains_little(leaving(20.0), found) is little
     assert not Search(explaining(share, sure=True), from_file=True).explains_little(leaving(20.0), found)
+
+
+def test_a_search_from_the_file_continues_if_its_first_two_effects_reach_the_noise():
+    first = Found("thruster_gain", 0.0, {}, {"ocean_current": leaving(1.0)})
+    search = Search(explaining(0.8), from_file=True)
+    assert not search.explains_little(leaving(20.0), [first])
+    assert search.explains_little(leaving(20.0), [replace(first, ahead={"payload": leaving(15.0)})])
+
+
+def test_the_second_effect_of_a_look_ahead_competes_in_the_next_round(monkeypatch):
+    """It is fitted to convergence together with the first.
+
+    It is left out where that diverges, and where kinematics refutes it.
+    """
+
+    def converged(search: Search, quick: Any, before: Any, chosen: list[str]) -> Any:
+        if quick is not leading:
+            raise Diverges("the predicted motion diverges")
+        assert before is model
+        assert chosen == ["thruster_gain", "ocean_current"]
+        return quick
+
+    monkeypatch.setattr(Search, "converged", converged)
+    leading, model = SimpleNamespace(vehicle=None), leaving(2.2)
+    search = Search(cast(Any, SimpleNamespace(sensors={})))
+    first = Found("thruster_gain", 0.0, {}, {"ocean_current": cast(Any, leading)})
+    assert search.looked_ahead(Grown(model, (first,))) == {"ocean_current": leading}
+    assert search.looked_ahead(Grown(model, (replace(first, ahead={"tether": leaving(9.0)}),))) == {}
+    assert search.looked_ahead(Grown(model, ())) == {}
+    monkeypatch.setattr("hydro.core.diagnosis.search.refuted", lambda *_: True)
+    assert search.looked_ahead(Grown(model, (first,))) == {}
 
 
 def fitted(chi2: float) -> Any:
@@ -73,7 +107,8 @@ def test_the_first_effect_is_the_one_that_a_second_completes_best(monkeypatch, l
     monkeypatch.setattr(Search, "joined", joined)
     fits = {"thruster_gain": fitted(left), "coupled_damping": fitted(3.5)}
     found = Search(cast(Any, None)).with_second(cast(Any, screening), fits, "thruster_gain")
-    assert found == first
+    assert found[0] == first
+    assert list(found[1]) == (["ocean_current"] if left > 1.05 else [])
     assert (("coupled_damping", "ocean_current") in tried) is (left > 1.05)
     assert ("ocean_current", "payload") not in tried, "neither has been fitted alone"
 
