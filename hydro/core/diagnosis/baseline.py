@@ -199,7 +199,7 @@ class Found:
         p_value: Probability that the largest gain of all effects is as large by chance.
         rivals: Fitted models of the round, by effect: with this effect, or with another in its place.
         ahead: Quick fit of the effect together with the best second one, by the name of that one; empty
-            without a look ahead.
+            without a look-ahead.
     """
 
     effect: str

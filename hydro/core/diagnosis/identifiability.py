@@ -195,14 +195,14 @@ def _without_unseen_inertia(outcome: Outcome) -> Model:
     if fit is None:
         return model
     values = model.values.copy()
-    for i, (entry, error) in enumerate(zip(model.unknown.entries, fit.standard_errors, strict=True)):
-        if entry.effect not in outcome.effects:
-            continue
-        known = error <= UNDETERMINED * model.unknown.scales[i] and abs(values[i]) <= DISTINCT * error
-        massless = np.where(np.arange(len(values)) == i, 0.0, values)
-        changed, without = model.unknown.at(massless), model.vehicle.without(entry.effect)
-        if known and np.array_equal(inertia_matrix(changed), inertia_matrix(without)):
-            values[i] = 0.0
+    for effect in outcome.effects:
+        without = inertia_matrix(model.vehicle.without(effect))
+        for i in model.unknown.places(effect):
+            error, massless = fit.standard_errors[i], values.copy()
+            massless[i] = 0.0
+            known = error <= UNDETERMINED * model.unknown.scales[i] and abs(values[i]) <= DISTINCT * error
+            if known and np.array_equal(inertia_matrix(model.unknown.at(massless)), without):
+                values = massless
     return replace(model, values=values)
 
 

@@ -14,6 +14,7 @@ from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.model import unfitted
 from hydro.core.diagnosis.settings import MOST_SHOTS
 from hydro.core.errors import DataError
 from hydro.core.evaluation.smoothed_motion import Motion
@@ -170,7 +171,7 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     if found is None or not found.wrong:
         return plain.audited(found)
     ordered = _ordered(vehicle, log, found.wiring)
-    if _contradicted(vehicle if hull is None else hull.completed(vehicle), ordered, plain, hull):
+    if _contradicted(vehicle, ordered, plain, hull):
         return plain.audited(replace(found, contradicted=True))
     misdirected = Finding(
         "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()
@@ -243,7 +244,6 @@ def _costs(vehicle: Vehicle, log: Preprocessed, hull: Hull | None) -> Array:
     """
     shots = log.shots(SHOT_SECONDS / 2.0)
     if hull is None:
-        problem = OutputError.of(shots, vehicle)
-    else:
-        problem = hull.acting(vehicle, Transitions.of(candidate(vehicle), shots))
-    return np.asarray(problem.linearise(vehicle, [], []).gram[:, -1, -1])
+        return unfitted(vehicle, OutputError.of(shots, vehicle)).costs
+    vehicle = hull.completed(vehicle)
+    return unfitted(vehicle, hull.acting(vehicle, Transitions.of(candidate(vehicle), shots))).costs

@@ -461,7 +461,7 @@ class Search:
         return chi2 > FAR_FROM_NOISE and screening.evidence.left * chi2 > FAR_FROM_NOISE
 
     def looked_ahead(self, state: Grown) -> dict[str, Model]:
-        """Return the second effect of the last look ahead, fitted to convergence, by name.
+        """Return the second effect of the last look-ahead, fitted to convergence, by name.
 
         It is left out where kinematics refutes it.
         """
@@ -515,12 +515,10 @@ class Search:
         The newest finding has just done so, and competes only if another was dropped.  The only one left of
         several must be a finding about the baseline, too; a finding alone from the start is not tested.
         """
-        model, first = outcome.model, self.baseline.refitted
-        found = [replace(one, ahead={}) for one in outcome.found]
-        kept = list(found)
+        model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
-        for number, one in enumerate(found):
-            told = part(progress, number / len(found), (number + 1) / len(found))
+        for number, one in enumerate(outcome.found):
+            told = part(progress, number / len(outcome.found), (number + 1) / len(outcome.found))
             told(f"without {one.effect}", 0.0)
             others = [other.effect for other in kept if other is not one]
             if not others:
@@ -532,19 +530,19 @@ class Search:
                 model = lesser
                 continue
             place = kept.index(one)
-            if one is not found[-1] or len(kept) < len(found):
+            if one is not outcome.found[-1] or len(kept) < len(outcome.found):
                 screening = self.screen(self.fewer(lesser), others)
                 fits = self.contend(lesser, others, screening, part(told, 0.3, 1.0), {one.effect: model})
                 best = leader(fits) or one.effect
                 kept[place] = Found(best, min(screening.p_value, one.p_value), fits)
                 model = fits[best]
             without[kept[place].effect] = lesser
-        if len(kept) == 1 < len(found):
+        if len(kept) == 1 < len(outcome.found):
             # With the dropped finding in the model it may have looked larger than it is.
             without[kept[0].effect] = first
             if not self.baseline.belongs(kept[0].effect, first.normal.cost - model.normal.cost, first):
                 return Outcome(first, (), outcome.last)
-        return Outcome(model, tuple(kept), outcome.last, without)
+        return Outcome(model, tuple(replace(one, ahead={}) for one in kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
         """Return the model without one finding, all others refitted; the baseline if the fit diverges."""

@@ -72,6 +72,17 @@ def test_thrusters_of_which_only_the_sum_is_known_are_reported():
     assert undetermined(found, covariance) == {"thruster_gain": ("thrusters 5-8 (one from another)",)}
 
 
+def verdicts_of(
+    model: Model, ranked: dict[str, Any], known: Any = (), found: Any = (), fit: Any = None
+) -> dict[str, str]:
+    """Return the verdicts on candidates of which the recording shows nothing, by effect."""
+    evidence = SimpleNamespace(covariance=lambda own, columns, chi2: 1e6 * np.eye(len(columns)))
+    last = SimpleNamespace(ranked=ranked, evidence=evidence, own=[])
+    baseline = SimpleNamespace(log=SimpleNamespace(track=None, noise=None, middle=None), effects=known)
+    outcome = SimpleNamespace(model=model, last=last, effects=found, fit=fit)
+    return {one.effect: one.verdict for one in unseen(cast(Any, baseline), cast(Any, outcome))}
+
+
 def test_an_alias_is_not_separable_instead_of_not_excited(monkeypatch):
     """The recording says nothing of either effect; the payload is what the model has by other names."""
     vehicle = damped(
@@ -79,36 +90,27 @@ def test_an_alias_is_not_separable_instead_of_not_excited(monkeypatch):
     )
     known = ["net_buoyancy", "buoyancy_offset"]
     unknown = free(vehicle, known)
-    evidence = SimpleNamespace(covariance=lambda own, columns, chi2: 1e6 * np.eye(len(columns)))
     model = Model(unknown, 1.1 * unknown.starts[0], None, cast(Any, SimpleNamespace(chi2=1.0)))
     ranked = {"payload": (0.0, range(4)), "surface_suction": (0.0, range(1))}
-    last = SimpleNamespace(ranked=ranked, evidence=evidence, own=[])
-    baseline = SimpleNamespace(log=SimpleNamespace(track=None, noise=None, middle=None), effects=known)
 
     def diverges(*_, **__):
         raise DataError("every manoeuvre diverges")
 
     monkeypatch.setattr(identifiability, "showing", diverges)
-    outcome = SimpleNamespace(model=model, last=last, effects=[], fit=None)
-    told = {one.effect: one.verdict for one in unseen(cast(Any, baseline), cast(Any, outcome))}
+    told = verdicts_of(model, ranked, known)
     assert told == {"payload": "not_separable", "surface_suction": "not_excited"}
 
 
 @pytest.mark.parametrize(("mass", "verdict"), [(1e-5, "not_separable"), (0.1, "not_excited")])
 def test_a_mass_within_its_error_does_not_hide_an_alias(monkeypatch, mass, verdict):
-    """A payload whose fitted mass is not zero by chance alone is a net buoyancy and a moved centre."""
+    """A payload whose mass is zero within its error equals a net buoyancy and a moved centre."""
     vehicle = damped({"name": "payload", "w": 5.0, "x": 0.2, "y": 0.1, "z": 0.3, "mass": mass})
     unknown = free(vehicle, ["payload"])
-    evidence = SimpleNamespace(covariance=lambda own, columns, chi2: 1e6 * np.eye(len(columns)))
     model = Model(unknown, unknown.starts[0], None, cast(Any, SimpleNamespace(chi2=1.0)))
     ranked = {"net_buoyancy": (0.0, range(1)), "buoyancy_offset": (0.0, range(3))}
-    last = SimpleNamespace(ranked=ranked, evidence=evidence, own=[])
-    log = SimpleNamespace(track=None, noise=None, middle=None)
     monkeypatch.setattr(identifiability, "showing", lambda *_, **__: {})
     fit = SimpleNamespace(standard_errors=np.full(5, 0.001))
-    outcome = SimpleNamespace(model=model, last=last, effects=["payload"], fit=fit)
-    found = unseen(cast(Any, SimpleNamespace(log=log, effects=[])), cast(Any, outcome))
-    assert {one.effect: one.verdict for one in found} == dict.fromkeys(ranked, verdict)
+    assert verdicts_of(model, ranked, found=["payload"], fit=fit) == dict.fromkeys(ranked, verdict)
 
 
 def gains(raw):
