@@ -99,7 +99,10 @@ class ByChange:
         Returns:
             The regime with the compared recording, ready for `select`.
         """
-        errors = new_sensor_errors(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
+        before = hull.sensors
+        if before is None:
+            before = kinematic_tests(hull.unchanged.shots.record)
+        errors = new_sensor_errors(log.sensors, before, vehicle)
         back = with_mounting(vehicle, log, errors, lambda one, of: _misfit(one, of, hull), hull)
         if back is not log:
             return cls.of(vehicle, back, hull, further, told)

@@ -89,8 +89,9 @@ def diagnose(
         progress: Called with a short text and the share of the work done.
 
     Returns:
-        Findings, the largest share first.  Shares are of the baseline fit's error beyond the noise; those of
-        `retune` are of the error of the file as given.  With `before` they are of the squared residual of the
+        Findings, the largest share first, unless another one alone removes almost all of the held-out error.
+        Shares are of the baseline fit's error beyond the noise; those of `retune` are of the error of the
+        file as given.  With `before` they are of the squared residual of the
         file with the hull-force model.
 
     Raises:
@@ -119,9 +120,9 @@ def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> H
     require_ready(log.observed)
     problem = stable_shots(vehicle, log)
     if law is not None:
-        return known_by(vehicle, problem, law)
+        return replace(known_by(vehicle, problem, law), sensors=log.sensors)
     hull = learnt(vehicle, problem)
-    return hull if hull.left <= FIT else completed(vehicle, log, hull)
+    return replace(hull if hull.left <= FIT else completed(vehicle, log, hull), sensors=log.sensors)
 
 
 def diagnose_log(
@@ -149,7 +150,7 @@ def diagnose_log(
         further: Whether the vehicle has changes since the hull's recording already, so that the next must be
             larger.
         file: Vehicle whose values are prior knowledge, where `vehicle` was fitted to this very recording.
-            Findings are then not checked on held-out data.
+            The diagnosis then has no `prediction`.
         in_vain: Whether a search with a part of the vehicle's effects stayed far from the noise.  Where the
             residual is still above FAR_FROM_NOISE, candidates are then ranked by transfer at once.
         beyond: Function that extends a diagnosis without a finding before its status is written.

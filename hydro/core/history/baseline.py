@@ -26,7 +26,7 @@ from hydro.core.recording.shots import Shots
 from hydro.core.residual.hull import judged
 from hydro.core.residual.library import Flow
 from hydro.core.residual.regression import Regression, learn
-from hydro.core.residual.response import Transitions
+from hydro.core.residual.response import Transitions, covered
 from hydro.core.vehicle.description import Vehicle
 
 LEAST_DIVES = 2
@@ -114,7 +114,7 @@ def _corrected(vehicle: Vehicle, transitions: Transitions, dive: Rows, laws: lis
     measured = shots.measured.copy()
     for number, law in enumerate(laws):
         part = dive == number
-        measured[part] = transitions.corrected(law.wrench(vehicle, shots)).measured[part]
+        measured[part] = transitions.corrected(law.wrench(vehicle, shots, covered(shots))).measured[part]
     return OutputError(replace(shots, measured=measured))
 
 

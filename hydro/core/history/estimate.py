@@ -22,7 +22,7 @@ from hydro.core.prediction.normal_equations import Normal, covariance
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.regression import Regression, robust
-from hydro.core.residual.response import Transitions
+from hydro.core.residual.response import Transitions, covered
 from hydro.core.vehicle.description import Vehicle
 
 STEPS = 2
@@ -103,7 +103,7 @@ def _linearised(baseline: Baseline, law: Regression, shots: Shots, values: Array
         return vehicle_at(baseline.vehicle, baseline.drag, baseline.parameters, there)
 
     here = at(values)
-    corrected = Transitions.of(candidate(here), shots).corrected(law.wrench(here, shots))
+    corrected = Transitions.of(candidate(here), shots).corrected(law.wrench(here, shots, covered(shots)))
     problem = OutputError(corrected).at_measured_states(here)
     moved = [at(values + STEP * spread * unit) for unit in np.eye(len(values))]
     normal = problem.linearise(here, moved, [STEP] * len(moved))

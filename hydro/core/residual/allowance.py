@@ -29,8 +29,8 @@ from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.prediction.output_error import SHORTER
 from hydro.core.prediction.parameters import Free
 from hydro.core.recording.shots import CHANNELS, Shots
-from hydro.core.residual.library import AXES, RESTING, Flow, sizes, terms
-from hydro.core.residual.regression import answers, robust, thinning
+from hydro.core.residual.library import AXES, RESTING, Flow, sizes
+from hydro.core.residual.regression import answers, robust, terms_of, thinning
 from hydro.core.residual.response import Transitions
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
@@ -98,7 +98,7 @@ class Allowance:
                 sample count.
         """
         transitions = Transitions.of(candidate(vehicle), shots)
-        library = terms(Flow.of(transitions.model, shots))[:, :-RESTING]
+        library = terms_of(Flow.of(transitions.model, shots), shots)[..., :-RESTING]
         prior = sizes(vehicle)[:-RESTING].ravel()
         made = (columns.astype(np.float32) for _, columns in answers(transitions, library, prior))
         both = np.concatenate(list(made)).reshape(len(shots.starts), -1, CHANNELS + prior.size)

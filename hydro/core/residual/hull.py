@@ -7,13 +7,14 @@ in the simulation of every prediction instead (`prediction.forced`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.forced import ForcedOutputError, displaced_by
@@ -23,7 +24,7 @@ from hydro.core.recording.shots import SHOT_SECONDS, Shots
 from hydro.core.residual.completion import Completion
 from hydro.core.residual.limits import FIT, LEAST_SHOTS, RIGHT
 from hydro.core.residual.regression import Regression, learn, robust
-from hydro.core.residual.response import Transitions
+from hydro.core.residual.response import Transitions, covered
 from hydro.core.vehicle.description import Vehicle
 
 STRETCH = 10.0
@@ -37,12 +38,13 @@ LEAST_SECONDS = 2.0 * LEAST_SHOTS * SHOT_SECONDS
 class Law(Protocol):
     """Residual wrench of a hull: the force that its vehicle file lacks, as a function of motion."""
 
-    def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """Return the wrench on the vehicle about CO at every row of a recording, (N, 6) [N, N m].
+    def wrench(self, vehicle: Vehicle, shots: Shots, rows: Mask | None = None) -> Array:
+        """Return the wrench on the vehicle about CO along a recording, (N, 6) [N, N m].
 
         Args:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
+            rows: Rows at which the wrench is needed, (N,); it may be zero at all others.  None for every row.
         """
 
 
@@ -61,6 +63,8 @@ class Hull:
         measured: The shots as measured, without the law.
         simulated: Whether the law acts in the simulation, because its response is not of first order.
         completion: Fit of the file to the recording, if the law was learnt about the fitted vehicle.
+        sensors: Kinematic tests of the velocity sensor in the recording, by effect, as of
+            `preprocessing.sensor_tests`; None if they were not made.
     """
 
     law: Law
@@ -73,6 +77,7 @@ class Hull:
     measured: OutputError
     simulated: bool = False
     completion: Completion | None = None
+    sensors: Mapping[str, Any] | None = None
 
     def completed(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle to whose predictions the law adds: the file itself unless it was fitted.
@@ -89,10 +94,10 @@ class Hull:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             transitions: The shots, with their responses to forces.
         """
-        wrench = self.law.wrench(vehicle, transitions.shots)
+        shots = transitions.shots
         if self.simulated:
-            return ForcedOutputError.under(transitions.shots, wrench)
-        return OutputError(transitions.corrected(wrench))
+            return ForcedOutputError.under(shots, self.law.wrench(vehicle, shots))
+        return OutputError(transitions.corrected(self.law.wrench(vehicle, shots, covered(shots))))
 
     @property
     def describes(self) -> bool:
@@ -131,7 +136,7 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
     transitions, fold = Transitions.of(candidate(vehicle), shots), stretches(shots)
     found = learn(vehicle, transitions, fold)
     measured = shots.measured.copy()
-    for number, wrench in enumerate(found.left_out_wrenches(vehicle, shots)):
+    for number, wrench in enumerate(found.left_out_wrenches(vehicle, shots, covered(shots))):
         chosen = fold == number
         measured[chosen] = transitions.over(chosen).corrected(wrench).measured
     hull = judged(vehicle, problem, OutputError(replace(shots, measured=measured)), found)
@@ -179,7 +184,7 @@ def known_by(vehicle: Vehicle, problem: OutputError, law: Law) -> Hull:
         law: The residual wrench.
     """
     transitions = Transitions.of(candidate(vehicle), problem.shots)
-    corrected = transitions.corrected(law.wrench(vehicle, problem.shots))
+    corrected = transitions.corrected(law.wrench(vehicle, problem.shots, covered(problem.shots)))
     return judged(vehicle, problem, OutputError(corrected), law)
 
 

@@ -20,7 +20,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.distillation import history
 from hydro.core.effects import CATALOGUE, inertia_matrix
 from hydro.core.effects.columns import effect_wrenches
@@ -72,19 +72,20 @@ class Learnt:
         window = int(model.architecture.get("window", 1))
         return cls(Network.of(model), file, model.subtract != "effects", window)
 
-    def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
+    def wrench(self, vehicle: Vehicle, shots: Shots, rows: Mask | None = None) -> Array:
         """Return the residual wrench on the vehicle about CO at every row of a recording, (N, 6) [N, N m].
 
         Args:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
+            rows: Not used: a network with memory needs every row.
         """
         record, model = shots.record, candidate(vehicle)
         flow = Flow.of(model, shots)
         past = None
         if self.network.memory and self.network.period is not None:
-            rows = history.stride(self.network.period, record.dt)
-            past = history.past(flow.nu, record.segments, self.window, rows)
+            stride = history.stride(self.network.period, record.dt)
+            past = history.past(flow.nu, record.segments, self.window, stride)
         said = self.network.wrench(np.hstack([flow.nu, flow.nu_dot]), past)
         mass = mass_matrix(self.file)
         if not self.forces:

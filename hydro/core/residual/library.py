@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.distillation.features import CROSS, features
 from hydro.core.effects.columns import through_water
 from hydro.core.effects.layout import FLOW
@@ -86,8 +86,8 @@ class Flow:
         """Velocity, acceleration and down vector side by side, (N, 15)."""
         return np.hstack([self.nu, self.nu_dot, self.down])
 
-    def rows(self, part: slice) -> Flow:
-        """Return the motion in a slice of the rows."""
+    def rows(self, part: slice | Rows | Mask) -> Flow:
+        """Return the motion in some of the rows: a slice, numbers (n,), or a mask (N,)."""
         return Flow(self.nu[part], self.nu_dot[part], self.down[part])
 
     def within(self, low: Array, high: Array) -> Flow:

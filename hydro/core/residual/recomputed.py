@@ -48,7 +48,8 @@ class Recomputed:
             hull: The hull-force model.
             transitions: The shots, with the transitions of small deviations from row to row.
         """
-        no_terms = np.zeros((transitions.shots.record.rows, 0))
+        shots = transitions.shots
+        no_terms = np.zeros((len(shots.starts), shots.length, 0))
         parts = answers(transitions, no_terms, np.zeros(0), every=1)
         begun = [np.linalg.qr(one.reshape(len(one), -1, CHANNELS))[0] for _, one in parts]
         return cls(hull, transitions, np.concatenate(begun))

@@ -8,12 +8,12 @@ reduced to the normal equations of each stretch, the part of a recording that is
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.prediction.candidate import Candidate, candidate
 from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, costs, prepare, residuals
@@ -60,8 +60,8 @@ class Regression:
         coefficients, left_out = self.coefficients + step.coefficients, self.left_out + step.left_out
         return replace(self, coefficients=coefficients, left_out=left_out)
 
-    def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
-        """Return the residual wrench on the vehicle about CO at every row of a recording, (N, 6) [N, N m].
+    def wrench(self, vehicle: Vehicle, shots: Shots, rows: Mask | None = None) -> Array:
+        """Return the residual wrench on the vehicle about CO along a recording, (N, 6) [N, N m].
 
         The motion is clipped to the range of the training data, since products of velocities extrapolate
         without bound.
@@ -69,17 +69,17 @@ class Regression:
         Args:
             vehicle: The vehicle; its current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
+            rows: Rows at which the wrench is computed, (N,), zero at all others; None for every row.
         """
-        return force(self._flow(candidate(vehicle), shots), self.coefficients)
+        (found,) = self._wrenches(vehicle, shots, rows, [self.coefficients])
+        return found
 
-    def left_out_wrenches(self, vehicle: Vehicle, shots: Shots) -> Iterator[Array]:
+    def left_out_wrenches(self, vehicle: Vehicle, shots: Shots, rows: Mask | None = None) -> Iterator[Array]:
         """Yield the wrench by the coefficients without each stretch, as by `wrench`, (N, 6) [N, N m]."""
-        flow = self._flow(candidate(vehicle), shots)
-        for coefficients in self.left_out:
-            yield force(flow, coefficients)
+        return self._wrenches(vehicle, shots, rows, self.left_out)
 
     def terms(self, model: Candidate, shots: Shots) -> Array:
-        """Return the F library terms at each of N rows of a recording, (N, F).
+        """Return the F library terms at the rows of S shots, (S, length, F).
 
         The motion is clipped to the range of the training data.
 
@@ -87,11 +87,18 @@ class Regression:
             model: The vehicle, whose current and DVL errors determine the motion through the water.
             shots: Shots of the recording, with its smoothed motion.
         """
-        return terms(self._flow(model, shots))
+        return terms_of(Flow.of(model, shots).within(self.low, self.high), shots)
 
-    def _flow(self, model: Candidate, shots: Shots) -> Flow:
-        """Return the motion through the water, clipped to the range of the training data."""
-        return Flow.of(model, shots).within(self.low, self.high)
+    def _wrenches(
+        self, vehicle: Vehicle, shots: Shots, rows: Mask | None, coefficients: Iterable[Array]
+    ) -> Iterator[Array]:
+        """Yield the wrench by each of several sets of coefficients (F, 6), see `wrench`, (N, 6) [N, N m]."""
+        where = slice(None) if rows is None else rows
+        flow = Flow.of(candidate(vehicle), shots).rows(where).within(self.low, self.high)
+        for one in coefficients:
+            found = np.zeros((shots.record.rows, AXES))
+            found[where] = force(flow, one)
+            yield found
 
 
 def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
@@ -140,7 +147,8 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
 
     X are the responses to the P coefficients in units of their prior standard deviations, e the residuals.
     """
-    shots, library = transitions.shots, terms(Flow.of(transitions.model, transitions.shots))
+    shots = transitions.shots
+    library = terms_of(Flow.of(transitions.model, shots), shots)
     prepared = prepare(candidate(vehicle), shots)
     thin = thinning(shots)
     known = np.broadcast_to(shots.trust**-2, (len(shots.starts), CHANNELS))
@@ -165,7 +173,7 @@ def answers(
 
     Args:
         transitions: Shots of the recording, with their responses to forces.
-        library: The F terms at each of N rows of the recording, (N, F).
+        library: The F terms at the rows of S shots, (S, length, F), as of `terms_of`.
         prior: Units of the coefficients, six axes for each term, (6 F,).
         every: Number of rows from one compared row to the next; by default that of `thinning`.
 
@@ -178,7 +186,7 @@ def answers(
     begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
     for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
         part = slice(begin, begin + SHOTS_TOGETHER)
-        force = library[rows_of(shots, part)]
+        force = library[part]
         wrenches = np.zeros((*force.shape[:2], AXES, CHANNELS + prior.size))
         for axis in range(AXES):
             wrenches[:, :, axis, CHANNELS + axis :: AXES] = force * prior[axis::AXES]
@@ -187,6 +195,12 @@ def answers(
         if (counted := shots.weights(part)) is not None:
             columns[~counted[:, ::thin]] = 0.0
         yield part, columns
+
+
+def terms_of(flow: Flow, shots: Shots) -> Array:
+    """Return the F library terms of the motion along a recording at the rows of S shots, (S, length, F)."""
+    rows = rows_of(shots)
+    return terms(flow.rows(rows.ravel())).reshape(*rows.shape, -1)
 
 
 def thinning(shots: Shots) -> int:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.effects import sensor
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
@@ -149,6 +149,13 @@ def rows_of(shots: Shots, part: slice = slice(None)) -> Rows:
     """Return the row numbers, in the recording, of each of s shots of a slice, (s, length)."""
     rows: Rows = shots.starts[part, None] + np.arange(shots.length)
     return rows
+
+
+def covered(shots: Shots) -> Mask:
+    """Return which rows of the recording lie in any shot, (N,)."""
+    inside = np.zeros(shots.record.rows, np.bool_)
+    inside[rows_of(shots)] = True
+    return inside
 
 
 def _one_row(model: Candidate, shots: Shots, rows: Rows, segment: int, begun: InitialStates) -> Array:

@@ -160,7 +160,7 @@ def test_a_too_short_earlier_recording_raises_an_error(before):
 class _Nothing:
     """Hull-force model that has learnt nothing."""
 
-    def wrench(self, vehicle, shots):
+    def wrench(self, vehicle, shots, rows=None):
         return np.zeros((len(shots.record.t), 6))
 
 
@@ -254,6 +254,21 @@ def test_the_turned_one_of_two_fins_is_named():
     told = re.search(r"control_surface:rudder\.deflection from 0 to ([\d.]+);", found.advice)
     assert told is not None
     assert float(told[1]) == pytest.approx(found.parameters["deflection"], rel=0.01)
+
+
+def test_sensor_errors_of_the_earlier_recording_are_known_from_its_tests(before, hull, monkeypatch):
+    """The model of the hull keeps them, so that a recording of hours is not tested twice."""
+    tests = preprocess(damped(), before).sensors
+    assert set(hull.sensors) == set(tests)
+    for name, test in tests.items():
+        np.testing.assert_array_equal(hull.sensors[name].estimate, test.estimate)
+    seen = list[Any]()
+    monkeypatch.setattr(before_, "kinematic_tests", lambda record: seen.append(record) or tests)
+    log = preprocess(damped(), half(before), hull)
+    assert before_.ByChange.of(damped(), log, hull).errors == ()
+    assert not seen
+    assert before_.ByChange.of(damped(), log, replace(hull, sensors=None)).errors == ()
+    assert len(seen) == 1
 
 
 def test_a_turned_dvl_is_named_by_kinematics(hull):

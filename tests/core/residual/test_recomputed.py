@@ -21,7 +21,7 @@ FILE = damped()
 class Nothing:
     """A law without any force."""
 
-    def wrench(self, vehicle, shots):
+    def wrench(self, vehicle, shots, rows=None):
         return np.zeros((shots.record.rows, 6))
 
 

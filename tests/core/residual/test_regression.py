@@ -14,7 +14,7 @@ from hydro.core.recording.shots import make_shots
 from hydro.core.residual import library
 from hydro.core.residual.hull import stretches
 from hydro.core.residual.regression import learn
-from hydro.core.residual.response import Transitions
+from hydro.core.residual.response import Transitions, covered
 
 VEHICLE = damped()
 MORE = {"name": "linear_damping", "diagonal": [6.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
@@ -56,7 +56,7 @@ def test_beyond_the_motion_that_it_was_learnt_from_a_wrench_stays_what_it_is_at_
 def test_a_wrench_is_the_sum_of_the_terms_in_every_row(monkeypatch, shots):
     """Also where a recording has more rows than are computed together."""
     law = learn(VEHICLE, Transitions.of(candidate(VEHICLE), shots), stretches(shots))
-    terms = law.terms(candidate(VEHICLE), shots)
+    terms = library.terms(library.Flow.of(candidate(VEHICLE), shots).within(law.low, law.high))
     monkeypatch.setattr(library, "ROWS_TOGETHER", 700)
     assert len(terms) > 700
     np.testing.assert_allclose(law.wrench(VEHICLE, shots), terms @ law.coefficients, rtol=1e-12, atol=1e-12)
@@ -64,6 +64,19 @@ def test_a_wrench_is_the_sum_of_the_terms_in_every_row(monkeypatch, shots):
     assert len(without) == len(law.left_out) > 1
     for wrench, coefficients in zip(without, law.left_out, strict=True):
         np.testing.assert_allclose(wrench, terms @ coefficients, rtol=1e-12, atol=1e-12)
+
+
+def test_in_the_rows_of_shots_a_wrench_is_that_of_the_whole_recording(shots):
+    """Rows outside the shots are not computed; the terms in the shots are those of the recording."""
+    few = shots.of(np.arange(len(shots.starts)) % 3 == 1)
+    law = learn(VEHICLE, Transitions.of(candidate(VEHICLE), shots), stretches(shots))
+    inside, whole = covered(few), law.wrench(VEHICLE, few)
+    assert inside.sum() == few.starts.size * few.length < len(inside)
+    there = law.wrench(VEHICLE, few, inside)
+    np.testing.assert_allclose(there[inside], whole[inside], rtol=1e-12, atol=1e-12)
+    assert not there[~inside].any()
+    found = law.terms(candidate(VEHICLE), few) @ law.coefficients
+    np.testing.assert_allclose(found.reshape(-1, 6), whole[inside], rtol=1e-12, atol=1e-12)
 
 
 def test_some_shots_are_corrected_as_among_all(shots):
