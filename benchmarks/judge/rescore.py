@@ -1,8 +1,8 @@
 """Repetition of the decisions of kept diagnoses with other constants, without flights or fits.
 
 The decision functions are those of the diagnosis itself (`core.diagnosis`), called on kept candidates.
-Some decisions cannot be repeated: steps after one that would now take another candidate, and effects that
-were never fitted.  Those steps are left out.
+Some decisions cannot be repeated: steps after one that would now take another candidate, effects that were
+never fitted, and comparisons by longer predictions (`diagnosis.held_out`).  Those are left out.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Diagnosis where no model reaches the noise: one change is named, with its confidence.
 
 No formula of the catalogue describes a hull exactly, and a flexible formula can absorb the hull's error.  So
-one change at a time is named, by the error that it removes from held-out data (`diagnosis.transfer`).  The
-rest is the hull-force error of the file, until a recording from before the change separates the two.
+one change at a time is named, by the error that it removes from held-out data: over two seconds
+(`diagnosis.transfer`) and over five (`diagnosis.held_out`).  The rest is the hull-force error of the file,
+until a recording from before the change separates the two.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from hydro.core.diagnosis.findings import (
     Finding,
     extended,
 )
+from hydro.core.diagnosis.held_out import HeldOut
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding, unstated
@@ -46,6 +48,7 @@ from hydro.core.diagnosis.transfer import (
     Survey,
     has_drag,
     one_change,
+    ranked,
     resolved,
     survey,
     tempered,
@@ -165,24 +168,25 @@ def by_transfer(baseline: Baseline, progress: Progress, near: Mapping[str, Table
     at least LEAST_EVIDENCE.  Otherwise they are ranked by their score, the share of the held-out error that
     they remove beyond what they absorb (`Rival.score`).
 
-    A candidate whose score is below MATERIAL is passed over.  So is one with values outside their plausible
-    range, because it stands for another effect.  The next best is then named if it has at least NEARLY_EQUAL
-    of the evidence or score, whichever ranks them, of the one passed over.  If all that qualify have
-    implausible values, the first of them is named.
+    Only those are considered that also predict longer held-out stretches best (`leading`).  A candidate whose
+    score is below MATERIAL is passed over.  So is one with values outside their plausible range, because it
+    stands for another effect.  The next best is then named if it has at least NEARLY_EQUAL of the evidence or
+    score, whichever ranks them, of the one passed over.  If all that qualify have implausible values, the
+    first of them is named.
     """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
     if baseline.refitted.normal.chi2 > FAR_FROM_NOISE:
         baseline = replace(baseline, problem=baseline.problem.coarsened(baseline.refitted.vehicle))
     try:
-        surveyed = survey(baseline, progress, near)
+        scored = survey(baseline, progress, near)
         refitted, known = tempered(baseline, baseline.problem)
-        surveyed = ranked_by_evidence(surveyed, baseline, refitted, known)
+        surveyed = leading(ranked_by_evidence(scored, baseline, refitted, known), scored, baseline)
     except Diverges:  # the file's predictions diverge: no fit can start
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
     implausible_named, least, passed = Named((), alone, None, alone, surveyed.rivals), MATERIAL, list[str]()
-    for rival in surveyed.rivals:
+    for rival in surveyed.leading:
         if surveyed.worth(rival) < least:
             break
         if rival.score < MATERIAL:  # an effect with far less evidence does not replace it
@@ -202,7 +206,8 @@ def by_transfer(baseline: Baseline, progress: Progress, near: Mapping[str, Table
         model, without = _in_noise(model, fine), _in_noise(without, fine)
         others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
         finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
-        rest = _nearly_as_good(rival, surveyed, others, finding, baseline)
+        equals = [one for one in others if one in surveyed.leading]
+        rest = _nearly_as_good(rival, surveyed, equals, finding, baseline)
         named = Named((finding, *rest), model, fit, alone, surveyed.rivals)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
@@ -241,7 +246,40 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
     rivals.sort(key=lambda rival: -rival.evidence)
     if not rivals or not LEAST_EVIDENCE <= rivals[0].evidence < np.inf:
         return surveyed
-    return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
+    return Survey(surveyed.refitted, tuple(rivals), by_evidence=True, leading=tuple(rivals))
+
+
+def leading(surveyed: Survey, scored: Survey, baseline: Baseline) -> Survey:
+    """Return a survey in which only effects that predict held-out stretches best may be named.
+
+    A score is that of two seconds, over which a wrong effect with the right direction may do as well.  So the
+    CONTENDERS best effects by rank, and those by score, each added to the file alone, predict longer
+    stretches.  None may be clearly behind the best with plausible values (`HeldOut.behind`), and each must
+    remove a share MATERIAL of that error (`HeldOut.removed`).  Where the recording is too short for that,
+    `surveyed` is returned.
+
+    Args:
+        surveyed: Survey, perhaps ranked by evidence.
+        scored: The same survey ranked by score.  Its ranks and values apply where the best of the remaining
+            effects has less than LEAST_EVIDENCE.
+        baseline: Vehicle file and shots.
+    """
+    check = HeldOut.of(baseline.vehicle, baseline.log)
+    if check is None:
+        return surveyed
+    may = [one for one in surveyed.rivals if one.score >= MATERIAL and (not one.own or _moved(one, baseline))]
+    best = {one.effect for order in (may, ranked(may)) for one in order[:CONTENDERS]}
+    may = [one for one in may if one.effect in best]
+    fits = [one.estimated() for one in may]
+    tables = [{"name": one.effect, **fit.table(one.effect)[0]} for one, fit in zip(may, fits, strict=True)]
+    tried = [(table, check.squares([table])) for table in tables]
+    fair = [not implausible(fit.vehicle, [one.effect]) for one, fit in zip(may, fits, strict=True)]
+    removed, late = [check.removed(*one) for one in tried], check.behind(tried, fair)
+    may = [one for i, one in enumerate(may) if removed[i] >= MATERIAL and not late[i]]
+    if surveyed.by_evidence and may and may[0].evidence >= LEAST_EVIDENCE:
+        return replace(surveyed, leading=tuple(may))
+    names = {one.effect for one in may}
+    return replace(scored, leading=tuple(one for one in scored.rivals if one.effect in names))
 
 
 def _is_present(fit: Fit, effect: str) -> bool:
@@ -317,7 +355,7 @@ def _finding(
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)
-    near = [one.effect for one in others if surveyed.worth(one) >= least]
+    near = [one.effect for one in others if one in surveyed.leading and surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
     return _named(rival, model, without, fit, words, sure)
 

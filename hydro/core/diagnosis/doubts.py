@@ -10,6 +10,7 @@
 | feedback: a disturbance is possible | likelihood | less confidence; see `closed_loop` |
 | a change begins within the recording | earlier recording | confidence at most DOUBTFUL; see `onset` |
 | rates alone show thrust | one recording | confidence at most DOUBTFUL; not confirmed |
+| another finding alone explains almost all | one recording | at most its confidence; see `held_out` |
 | confidence below SURE | every regime | not confirmed (`stated`) |
 """
 

@@ -6,8 +6,10 @@ after is that of held-out stretches, to which the values were not fitted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from hydro.core.columns import VELOCITY, Array
 from hydro.core.diagnosis.baseline import stable_start
 from hydro.core.diagnosis.findings import WITH_VALUES, Diagnosis, Finding, Prediction, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.settings import FOLDS, RESAMPLES, SHOTS
+from hydro.core.diagnosis.settings import ALMOST_ALL, FOLDS, NEGLIGIBLE, RESAMPLES, SHOTS
 from hydro.core.diagnosis.transfer import left_out_squares, resolved
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.errors import DataError
@@ -27,8 +29,10 @@ from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import JUDGED
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import free
 from hydro.core.progress import Progress, silent
 from hydro.core.recording.shots import Shots
+from hydro.core.residual.limits import WITHIN
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -37,42 +41,58 @@ def predicted(
 ) -> Diagnosis:
     """Return a diagnosis with `prediction` filled in, and `error_added` of each finding with values.
 
-    A recording with fewer than FOLDS stretches of JUDGED seconds gives the diagnosis unchanged.
+    Where nothing is confirmed, a finding that alone removes almost all of the error comes first (`explains`).
+    A recording that is too short for held-out predictions gives the diagnosis unchanged.
     """
-    try:
-        ahead = log.shots(JUDGED)
-    except DataError:
-        return diagnosis
-    if len(ahead.starts) < FOLDS:
-        return diagnosis
     progress("predictions of the file", 0.0)
-    check, alone = _Check.of(vehicle, log, ahead), {}
+    check = HeldOut.of(vehicle, log)
+    if check is None:
+        return diagnosis
+    alone = dict[int, Squares]()
     added = [(i, one) for i, one in enumerate(diagnosis.findings) if can_be_added(one)]
     for number, (i, one) in enumerate(added):
         progress(f"predictions with {one.effect} added", (number + 1) / (len(added) + 2))
-        alone[i] = check.squares([one])
+        alone[i] = check.squares([one.table])
     progress("predictions with all findings added", (len(added) + 1) / (len(added) + 2))
-    findings = tuple(
+    findings = [
         replace(one, error_added=check.error(alone[i])) if i in alone else one
         for i, one in enumerate(diagnosis.findings)
-    )
+    ]
     stated = [i for i in alone if findings[i].is_confirmed]
     if len(stated) == 1:
         after = alone[stated[0]]
     else:
-        after = check.squares([findings[i] for i in stated]) if stated else check.given
+        after = check.squares([findings[i].table for i in stated]) if stated else check.given
     difference = check.errors(after) - check.errors(check.given)
-    noise = check.noise()
-    floor = None if noise is None else float(np.sqrt(noise @ check.weight))
     prediction = Prediction(
         JUDGED,
         check.error(check.given),
         check.error(after),
         float(difference.std()),
-        floor,
-        by_axis(check.given, after, noise),
+        check.floor,
+        by_axis(check.given, after, check.noise),
     )
-    return replace(diagnosis, findings=findings, prediction=prediction)
+    tried = [(findings[i].table, squares) for i, squares in alone.items()]
+    first = None if stated else check.explains(tried)
+    found = tuple(findings) if first is None else with_first(findings, list(alone), list(alone)[first])
+    return replace(diagnosis, findings=found, prediction=prediction)
+
+
+def with_first(findings: Sequence[Finding], places: Sequence[int], first: int) -> tuple[Finding, ...]:
+    """Return findings with one of them moved before others; all further findings keep their places.
+
+    None of the others has more confidence than it, because it alone explains almost all of the error.
+
+    Args:
+        findings: Findings.
+        places: Places of the findings that may change their order, in ascending order.
+        first: The one of these places whose finding comes first.
+    """
+    order, found = [first, *(place for place in places if place != first)], list(findings)
+    most = findings[first].confidence
+    for place, one in zip(places, (findings[i] for i in order), strict=True):
+        found[place] = replace(one, confidence=min(one.confidence, most))
+    return tuple(found)
 
 
 def by_axis(given: Squares, added: Squares, noise: Array | None) -> dict[str, list[float | None]]:
@@ -102,14 +122,18 @@ def can_be_added(finding: Finding) -> bool:
     return finding.verdict in WITH_VALUES and bool(finding.parameters) and changes
 
 
+Tried = tuple[Mapping[str, Any], Squares]
+"""`[[effect]]` table of an effect, and the squared errors with this effect alone added to the file."""
+
+
 @dataclass(frozen=True)
-class _Check:
-    """Comparison of a vehicle file, and of the file with findings added, with one recording.
+class HeldOut:
+    """Comparison of a vehicle file, and of the file with effects added, with held-out parts of one recording.
 
     Attributes:
         vehicle: Vehicle file.
         log: Recording.
-        problem: Shots to which findings are refitted.
+        problem: Shots to which added effects are refitted.
         ahead: Shots that are predicted.
         given: Squared errors of the file as given.
         weight: Weight of each axis, (6,).
@@ -123,17 +147,23 @@ class _Check:
     weight: Array
 
     @classmethod
-    def of(cls, vehicle: Vehicle, log: Preprocessed, ahead: Shots) -> _Check:
-        """Predict a recording with the file as given."""
+    def of(cls, vehicle: Vehicle, log: Preprocessed) -> HeldOut | None:
+        """Predict a recording with the file as given; None with fewer than FOLDS stretches of JUDGED s."""
+        try:
+            ahead = log.shots(JUDGED)
+        except DataError:
+            return None
+        if len(ahead.starts) < FOLDS:
+            return None
         problem = resolved(stable_start(vehicle, log)[1]).some(SHOTS)
         weight = Weights.of(candidate(vehicle)).velocity
         return cls(vehicle, log, problem, ahead, squares_ahead(vehicle, ahead), weight)
 
-    def squares(self, findings: Sequence[Finding]) -> Squares:
-        """Return the squared errors of held-out stretches with findings added."""
-        vehicle = extended(self.vehicle, [one.table for one in findings])
+    def squares(self, tables: Sequence[Mapping[str, Any]]) -> Squares:
+        """Return the squared errors of held-out stretches with `[[effect]]` tables added."""
+        vehicle = extended(self.vehicle, tables)
         problem = self.problem.at_measured_states(vehicle)
-        return left_out_squares(vehicle, [one.effect for one in findings], problem, self.ahead)
+        return left_out_squares(vehicle, [str(one["name"]) for one in tables], problem, self.ahead)
 
     def error(self, squares: Squares) -> float:
         """Return the root mean square error over all axes [m/s]."""
@@ -145,8 +175,55 @@ class _Check:
         means = (drawn @ squares.sums) / np.maximum(drawn @ squares.counts, 1e-12)
         return np.asarray(np.sqrt(means @ self.weight))
 
+    def removed(self, table: Mapping[str, Any], squares: Squares) -> float:
+        """Return the share of the squared error beyond the noise that an effect alone removes.
+
+        Each of its components costs NEGLIGIBLE, because the hull's error is alike on all stretches, so that
+        held-out stretches do not penalise components that follow it.
+
+        Args:
+            table: Table of the effect.
+            squares: Squared errors with the effect added.
+        """
+        components = len(free(extended(self.vehicle, [table]), [str(table["name"])]).entries)
+        gain = self.error(self.given) ** 2 - self.error(squares) ** 2
+        return gain / self._beyond_noise - NEGLIGIBLE * components
+
+    def behind(self, tried: Sequence[Tried], fair: Sequence[bool] | None = None) -> list[bool]:
+        """Return for each of several effects whether it predicts clearly worse than the best of them.
+
+        It removes nothing where the best removes something, or less than the best by more than WITHIN
+        standard errors of the difference (`removed`).
+
+        Args:
+            tried: Table of each effect, and squared errors with this effect alone added.
+            fair: Whether each effect may be the best; by default all may, also where none is fair.
+        """
+        if not tried:
+            return []
+        shares = np.array([self.removed(*one) for one in tried])
+        drawn = [self.errors(squares) ** 2 / self._beyond_noise for _, squares in tried]
+        among = shares if fair is None or not any(fair) else np.where(fair, shares, -np.inf)
+        best = int(np.argmax(among))
+        spread = np.array([(one - drawn[best]).std() for one in drawn])
+        nothing = (shares <= 0.0) & (shares[best] > 0.0)
+        return [bool(late) for late in nothing | (shares[best] - shares > WITHIN * spread)]
+
+    def explains(self, tried: Sequence[Tried]) -> int | None:
+        """Return the number of the first effect that is not `behind`, if one removes almost all of the error.
+
+        None where none removes ALMOST_ALL of it: then several effects together may be right.
+        """
+        given = self.error(self.given) ** 2
+        if not any(
+            given - self.error(squares) ** 2 >= ALMOST_ALL * self._beyond_noise for _, squares in tried
+        ):
+            return None
+        return self.behind(tried).index(False)
+
+    @cached_property
     def noise(self) -> Array | None:
-        """Return mean squared errors due to noise alone, (6,) [m^2/s^2, rad^2/s^2].
+        """Mean squared errors due to noise alone, (6,) [m^2/s^2, rad^2/s^2].
 
         None if velocity was not measured, so that the error is that of the distance covered.
         """
@@ -159,3 +236,13 @@ class _Check:
         noise, numbers = both[0].noise.sum(axis=0), both[0].numbers.sum(axis=0)
         mean: Array = noise / np.maximum(numbers, 1.0)
         return mean
+
+    @property
+    def floor(self) -> float | None:
+        """Error due to noise alone over all axes [m/s]; None if it is not known."""
+        return None if self.noise is None else float(np.sqrt(self.noise @ self.weight))
+
+    @property
+    def _beyond_noise(self) -> float:
+        """Squared error of the file beyond the noise [m^2/s^2], greater than 0."""
+        return max(self.error(self.given) ** 2 - (self.floor or 0.0) ** 2, 1e-12)

@@ -138,16 +138,18 @@ class Survey:
         refitted: Existing effects, fitted within their priors.
         rivals: Every effect that could be fitted, the best first: by score less a penalty for its components,
             or by evidence.
-        by_evidence: Whether `rivals` is ranked by evidence.
+        by_evidence: Whether `leading` is ranked by evidence.
+        leading: Effects that may be named, the best first.
     """
 
     refitted: Model
     rivals: tuple[Rival, ...]
-    by_evidence: bool = False
+    by_evidence: bool
+    leading: tuple[Rival, ...]
 
     def worth(self, rival: Rival) -> float:
         """Return a rival's score, or with ranks by evidence its evidence as a share of the best one's."""
-        return rival.evidence / self.rivals[0].evidence if self.by_evidence else rival.score
+        return rival.evidence / self.leading[0].evidence if self.by_evidence else rival.score
 
 
 @dataclass(frozen=True)
@@ -235,14 +237,13 @@ def survey(baseline: Baseline, progress: Progress, near: Mapping[str, Table]) ->
         return ranked([found] if common is None else [found, common])[0]
 
     candidates = _beginnings(baseline, refitted, known) | dict(near)
-    found = list(shared(without, own))
+    fits = list(shared(without, own))
     for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
         progress(f"{name} tested on held-out data", number / len(candidates))
-        found.append(rival)
-    rivals = [rival for rival in found if rival is not None]
-    if has_drag(file):
-        return Survey(refitted, ranked([weighed(one) for one in rivals]))
-    return Survey(refitted, ranked(rivals, DRAG))
+        fits.append(rival)
+    rivals = [rival for rival in fits if rival is not None]
+    found = ranked([weighed(one) for one in rivals]) if has_drag(file) else ranked(rivals, DRAG)
+    return Survey(refitted, found, by_evidence=False, leading=found)
 
 
 def has_drag(file: Vehicle) -> bool:

@@ -43,7 +43,7 @@ def named(effect: str, table: dict[str, Any], vehicle: Vehicle = FILE) -> Findin
     normal = SimpleNamespace(score=np.ones((20, 1)), chi2=50.0)
     model = SimpleNamespace(normal=normal, costs=np.ones(20), excesses=np.full(20, 9.0))
     lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0), vehicle=vehicle)
-    survey = Survey(cast(Any, None), cast(Any, (rival,)))
+    survey = Survey(cast(Any, None), (rival,), False, (rival,))
     parts = cast(Any, (rival, survey, [], model, lesser, cast(Fit, fit), 0.02))
     return by_evidence._finding(*parts)
 
@@ -154,7 +154,7 @@ def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> 
 
     known: Any = SimpleNamespace(alone=lambda _: None, releasing=lambda _: known)
     rivals = tuple(Rival(name, False, model(name), score, score) for name, score in scores.items())
-    surveyed = Survey(model("alone"), rivals)
+    surveyed = Survey(model("alone"), rivals, False, rivals)
     found = by_evidence.ranked_by_evidence(surveyed, cast(Any, baseline), model("alone"), known)
     return found.by_evidence, [rival.effect for rival in found.rivals]
 
@@ -167,6 +167,52 @@ def test_evidence_ranks_names_if_it_is_large_enough(monkeypatch):
     assert order(monkeypatch, evidence, scores)[1][0] == "payload", "a tether removes nothing elsewhere"
     evidence |= {"payload": -95.0, "thruster_inflow": -98.0}
     assert order(monkeypatch, evidence, scores) == (False, list(scores)), "chance alone gives as much"
+
+
+def may_be_named(
+    monkeypatch, evidence: dict[str, float], scores: dict[str, float], left: dict[str, float] | None
+):
+    """Names of the effects that may be named, and whether evidence ranks them.
+
+    `left` are shares of the error of longer predictions; None where the recording is too short for them.
+    """
+    fit = SimpleNamespace(table=lambda effect: ({}, {}), vehicle=FILE)
+    rivals = tuple(
+        SimpleNamespace(
+            effect=name, own=False, entries=1, evidence=evidence[name], score=score, estimated=lambda: fit
+        )
+        for name, score in scores.items()
+    )
+
+    def behind(tried: list[tuple[Any, float]], fair: list[bool]) -> list[bool]:
+        assert all(fair)
+        return [share > min(one for _, one in tried) + 0.1 for _, share in tried]
+
+    check = SimpleNamespace(
+        squares=lambda tables: left[tables[0]["name"]], removed=lambda _, share: 1.0 - share, behind=behind
+    )
+    monkeypatch.setattr(by_evidence.HeldOut, "of", lambda *_: None if left is None else check)
+    ranks = cast(Any, rivals), cast(Any, tuple(sorted(rivals, key=lambda one: -one.score)))
+    surveyed, scored = (Survey(cast(Any, None), one, one is ranks[0], one) for one in ranks)
+    found = by_evidence.leading(surveyed, scored, cast(Any, SimpleNamespace(vehicle=None, log=None)))
+    assert found.rivals == (surveyed if found.by_evidence else scored).rivals
+    return [one.effect for one in found.leading], found.by_evidence
+
+
+def test_only_effects_that_predict_longer_stretches_best_may_be_named(monkeypatch):
+    """Weaker thrust may imitate added mass over two seconds, with more evidence, but not over five."""
+    evidence = {"thruster_gain": 44.0, "fluid_memory": 30.0, "added_mass": -27.0, "payload": -30.0}
+    scores = {"thruster_gain": 0.76, "fluid_memory": 0.43, "added_mass": 0.763, "payload": 0.04}
+    left = {"thruster_gain": 1.86, "fluid_memory": 0.86, "added_mass": 0.59, "payload": 0.5}
+    assert may_be_named(monkeypatch, evidence, scores, left) == (["added_mass"], False)
+    assert may_be_named(monkeypatch, evidence, scores, None) == (list(evidence), True)
+    left["fluid_memory"] = 0.6
+    assert may_be_named(monkeypatch, evidence, scores, left) == (["fluid_memory", "added_mass"], True)
+
+
+def test_nothing_is_named_that_does_not_lower_the_error_of_longer_predictions(monkeypatch):
+    evidence, scores = {"thruster_gain": 16.0, "payload": 8.0}, {"thruster_gain": 0.12, "payload": 0.06}
+    assert may_be_named(monkeypatch, evidence, scores, {"thruster_gain": 1.4, "payload": 0.99}) == ([], False)
 
 
 def test_further_names_have_no_more_confidence_than_the_first(monkeypatch):
@@ -183,7 +229,8 @@ def test_further_names_have_no_more_confidence_than_the_first(monkeypatch):
         )
         for name, evidence in (("payload", 30.0), ("ocean_current", 29.0))
     )
-    survey = Survey(cast(Any, model), cast(Any, (first, second)), by_evidence=True)
+    both = cast(Any, (first, second))
+    survey = Survey(cast(Any, model), both, by_evidence=True, leading=both)
     finding = SimpleNamespace(confidence=0.05)
     monkeypatch.setattr(by_evidence, "with_response_error", lambda fit, file: fit)
     baseline = SimpleNamespace(vehicle=vehicle, log=SimpleNamespace(record=SimpleNamespace(dt=0.02)))

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from recordings import damped, moved, noisy
 
 from hydro.core.diagnosis.findings import Diagnosis, Finding, Prediction
-from hydro.core.diagnosis.held_out import predicted
+from hydro.core.diagnosis.held_out import HeldOut, predicted, with_first
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.settings import NEGLIGIBLE
 from hydro.core.evaluation.replay_error import Ahead
+from hydro.core.evaluation.velocity_errors import Squares
 
 HEAVY = {"name": "net_buoyancy", "dB": -8.0}
 FOUND = Finding("missing", "net_buoyancy", ("net_buoyancy",), parameters={"dB": -7.0})
@@ -90,3 +95,87 @@ def test_added_waves_do_not_change_the_prediction(heavy):
     waves = {"height": 0.2, "period": 4.0, "direction": 0.0, "peak": 2.3}
     known = checked(heavy, Finding("missing", "ocean_waves", ("ocean_waves",), parameters=waves)).prediction
     assert known.added == known.given
+
+
+def suspected(finding: Finding, confidence: float) -> Finding:
+    return replace(finding, verdict="suspect", confidence=confidence)
+
+
+def test_a_suspect_that_alone_explains_almost_all_comes_first(heavy):
+    """A current does not make the vehicle sink, whatever its confidence."""
+    first, second = checked(heavy, suspected(CURRENT, 0.8), suspected(FOUND, 0.6)).findings
+    assert (first.effect, first.confidence) == ("net_buoyancy", 0.6)
+    assert (second.effect, second.confidence) == ("ocean_current", 0.6)
+
+
+def test_findings_that_explain_the_error_together_keep_their_order():
+    """Each alone leaves more than a tenth of the error, so neither is an alternative to the other."""
+    current = {"name": "ocean_current", "v_N": 0.12, "v_E": 0.0, "v_D": 0.0}
+    raw = noisy(moved(damped(HEAVY, current), rows=4000), 3)
+    told = [suspected(CURRENT, 0.7), suspected(FOUND, 0.8)]
+    found = checked(raw, *told).findings
+    given = checked(raw, *told).prediction.given
+    assert all(one.error_added < 0.99 * given for one in found), "each alone helps"
+    assert [one.effect for one in found] == ["ocean_current", "net_buoyancy"]
+    assert [one.confidence for one in found] == [0.7, 0.8]
+
+
+def test_beside_a_confirmed_finding_suspects_keep_their_order(heavy):
+    """A suspect that imitates the confirmed effect explains almost all alone, and nothing beside it."""
+    payload = {"w": 7.0, "x": 0.0, "y": 0.0, "z": 0.0, "mass": 0.0}
+    load = Finding("suspect", "payload", ("payload",), parameters=payload, confidence=0.2)
+    found = checked(heavy, replace(FOUND, confidence=0.95), suspected(CURRENT, 0.8), load).findings
+    assert [one.effect for one in found] == ["net_buoyancy", "ocean_current", "payload"]
+    assert [one.confidence for one in found] == [0.95, 0.8, 0.2]
+
+
+def test_effects_are_behind_only_by_more_than_the_errors_allow(heavy):
+    """Of two that predict alike neither is behind, nor is one whose difference is scatter."""
+    check = HeldOut.of(damped(), preprocess(damped(), heavy))
+    assert check is not None
+    buoyancy, current = FOUND.table, CURRENT.table
+    right = check.squares([buoyancy])
+    wrong = check.squares([current])
+    assert check.behind([(buoyancy, right), (buoyancy, right)]) == [False, False]
+    assert check.behind([(current, wrong), (buoyancy, right)]) == [True, False]
+    assert check.behind([(current, wrong), (buoyancy, right)], [True, False]) == [False, False]
+    assert check.behind([(current, wrong), (buoyancy, right)], [False, False]) == [True, False]
+    assert check.behind([]) == []
+    assert check.removed(buoyancy, right) == pytest.approx(1.0, abs=0.1)
+    more = check.removed(buoyancy, right) - check.removed(current, right)
+    assert more == pytest.approx(2.0 * NEGLIGIBLE), "a current has two components more"
+    noisier = right.sums * np.random.default_rng(0).uniform(0.5, 1.6, (len(right.sums), 1))
+    assert check.behind([(buoyancy, Squares(noisier, right.counts)), (buoyancy, right)]) == [False, False]
+    assert (check.explains([(current, wrong), (buoyancy, right)]), check.explains([(current, wrong)])) == (
+        1,
+        None,
+    )
+
+
+def test_an_effect_with_one_diverging_prediction_is_behind(heavy):
+    """The scatter of the difference is then as large as the difference."""
+    check = HeldOut.of(damped(), preprocess(damped(), heavy))
+    assert check is not None
+    right = check.squares([FOUND.table])
+    sums = right.sums.copy()
+    sums[0] = 1e4 * right.counts[0]
+    assert check.behind([(FOUND.table, Squares(sums, right.counts)), (FOUND.table, right)]) == [True, False]
+
+
+@given(st.data())
+def test_with_one_finding_first_all_others_keep_their_order(data):
+    count = data.draw(st.integers(1, 8))
+    sure = st.floats(0.0, 1.0) | st.just(float("nan"))
+    findings = [Finding("suspect", f"effect {i}", confidence=data.draw(sure)) for i in range(count)]
+    places = sorted(data.draw(st.sets(st.integers(0, count - 1), min_size=1)))
+    first = data.draw(st.sampled_from(places))
+    found = with_first(findings, places, first)
+    assert all(found[i] is findings[i] for i in range(count) if i not in places)
+    order = [found[i].effect for i in places]
+    assert order == [findings[i].effect for i in (first, *(i for i in places if i != first))]
+    most = findings[first].confidence
+    for one in (found[i] for i in places):
+        before = findings[int(one.effect.split()[1])].confidence
+        assert one.confidence == min(before, most) or np.isnan(before) or np.isnan(most)
+        assert not one.confidence > most
+        assert np.isnan(one.confidence) == np.isnan(before)

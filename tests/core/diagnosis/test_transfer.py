@@ -132,9 +132,10 @@ def test_laws_of_the_hull_need_more_evidence_for_a_lead():
 
 def test_the_worth_of_a_rival_is_its_share_of_the_best_evidence():
     best, other = (Rival("payload", False, None, 0.2, 0.2, evidence=e) for e in (80.0, 20.0))
-    surveyed = Survey(cast(Any, None), (best, other), by_evidence=True)
+    both = (best, other)
+    surveyed = Survey(cast(Any, None), both, by_evidence=True, leading=both)
     assert (surveyed.worth(best), surveyed.worth(other)) == (1.0, 0.25)
-    assert Survey(cast(Any, None), (best, other)).worth(other) == pytest.approx(0.2)
+    assert Survey(cast(Any, None), both, False, both).worth(other) == pytest.approx(0.2)
 
 
 @dataclass(frozen=True)
