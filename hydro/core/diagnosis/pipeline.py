@@ -91,8 +91,7 @@ def diagnose(
     Returns:
         Findings, the largest share first, unless another one alone removes almost all of the held-out error.
         Shares are of the baseline fit's error beyond the noise; those of `retune` are of the error of the
-        file as given.  With `before` they are of the squared residual of the
-        file with the hull-force model.
+        file as given.  With `before` they are of the squared residual of the file with the hull-force model.
 
     Raises:
         DataError: A recording or the vehicle is at fault, or a recording is too short.
