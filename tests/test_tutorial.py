@@ -26,11 +26,17 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
     return re.sub("─+", "", NUMBER.sub("#", text)).split(), numbers
 
 
+def without_network(page: str) -> str:
+    """Return a page without the errors of a trained network: training differs between processors."""
+    return "\n".join(line for line in page.splitlines() if not line.startswith("effects+MJ4 "))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("path", GENERATOR["PAGES"], ids=lambda path: path.stem)
 def test_a_page_shows_what_its_commands_print(path: Path) -> None:
     text = path.read_text()
-    shown, printed = (words_and_numbers(text) for text in (text, GENERATOR["page"](text, forked.program())))
+    pages = (text, GENERATOR["page"](text, forked.program()))
+    shown, printed = (words_and_numbers(without_network(page)) for page in pages)
     assert printed[0] == shown[0], "run `make docs`"
     assert printed[1] == pytest.approx(shown[1], rel=ROUNDING, abs=NOTHING), "run `make docs`"
 
