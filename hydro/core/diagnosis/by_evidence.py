@@ -15,6 +15,7 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
+from hydro.core.diagnosis.beside_hull import refined
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence, explained_share
 from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed, with_implausible
 from hydro.core.diagnosis.findings import (
@@ -24,6 +25,7 @@ from hydro.core.diagnosis.findings import (
     extended,
 )
 from hydro.core.diagnosis.held_out import HeldOut
+from hydro.core.diagnosis.hull_laws import has_drag
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding, unstated
@@ -46,7 +48,6 @@ from hydro.core.diagnosis.transfer import (
     Known,
     Rival,
     Survey,
-    has_drag,
     one_change,
     ranked,
     resolved,
@@ -240,8 +241,7 @@ def ranked_by_evidence(surveyed: Survey, baseline: Baseline, refitted: Model, kn
     for number, (rival, held, prior) in enumerate(found):
         best = held
         if number < CONTENDERS:
-            gain = MATERIAL * LEAST_EVIDENCE
-            best = allowance.refined(rival.model.unknown, held, prior, QUICK_STEPS, gain)
+            best = refined(allowance, rival.model.unknown, held, prior)
         rivals.append(replace(rival, evidence=rival.beyond * (best.evidence - alone), allowed=best))
     rivals.sort(key=lambda rival: -rival.evidence)
     if not rivals or not LEAST_EVIDENCE <= rivals[0].evidence < np.inf:

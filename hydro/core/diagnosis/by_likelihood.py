@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 
 from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
+from hydro.core.diagnosis.beside_hull import beside_hull
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
@@ -33,6 +34,7 @@ from hydro.core.diagnosis.doubts import (
     with_implausible,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.hull_laws import has_drag, is_hull_law
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
@@ -190,6 +192,8 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     """Return an outcome with everything found and the existing effects fitted together.
 
     Values are shrunk to those of the file.  If the joint fit diverges, values stay and a warning is added.
+    Where no model reaches the noise, the values of the effects found are also fitted with the hull force
+    free.
     """
     model, warnings = outcome.model, baseline.warnings
     try:
@@ -197,7 +201,8 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
     model, fit = settled(model, baseline.vehicle)
-    return replace(outcome, model=model, fit=fit, warnings=warnings)
+    beside = beside_hull(baseline, model, outcome.effects)
+    return replace(outcome, model=model, fit=fit, beside_hull=beside, warnings=warnings)
 
 
 def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
@@ -254,6 +259,16 @@ def may_be_right(outcome: Outcome) -> bool:
     return bool(left <= 1.0 + FURTHER or (left <= RIGHT and not outcome.last.significant))
 
 
+def led_by_hull_law(baseline: Baseline, outcome: Outcome) -> bool:
+    """Return whether no model reaches the noise, and the first effect that joined is a hull law.
+
+    It may only absorb the hull's error then, and evidence with the hull force free decides.  Without drag in
+    the file, the hull force would take over the drag.
+    """
+    led = bool(outcome.found) and is_hull_law(outcome.found[0].effect)
+    return led and outcome.model.normal.chi2 > RIGHT and has_drag(baseline.vehicle)
+
+
 def excess_share(baseline: Baseline, model: Model) -> float:
     """Return the share, 0 or more, of the baseline fit's error beyond the noise that a model leaves.
 
@@ -271,7 +286,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     pieces = block_length(model.normal.score)
     share = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
     tied = selection_frequency(found.rivals, effect)
-    fit = _joint(outcome)
+    fit = outcome.beside_hull or _joint(outcome)
     parameters, errors = fit.table(effect)
     several, known = len(tied) > 1, bool(baseline.vehicle.effects(effect))
     if several:
@@ -282,7 +297,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
             flight = None
         words = advice.separating(list(tied), flight)
     elif known:
-        words = advice.retuning(effect, change_of(effect, baseline.vehicle, model.unknown, model.values))
+        words = advice.retuning(effect, change_of(effect, baseline.vehicle, fit.free, fit.values))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += session_warning(effect, without, model, baseline.problem.shots.session)

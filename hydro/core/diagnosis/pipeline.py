@@ -5,7 +5,7 @@ effects and turns them into findings; `reported` is the same for all of them.
 
 | regime | discrepancy | candidates are ranked by |
 |---|---|---|
-| `by_likelihood` | none: the best model reaches the noise | penalised likelihood |
+| `by_likelihood` | none: the best model reaches the noise, or explains almost all | penalised likelihood |
 | `by_evidence` | library of hull forces, integrated out | evidence and held-out data |
 | `by_change` | learnt from a recording before the change | held-out cost with a penalty |
 """
@@ -22,7 +22,7 @@ from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, stable_shots, stable_start
 from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
-from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
+from hydro.core.diagnosis.by_likelihood import ByLikelihood, led_by_hull_law, selected, wave_finding
 from hydro.core.diagnosis.completing import completed
 from hydro.core.diagnosis.doubts import doubted_gain
 from hydro.core.diagnosis.findings import Diagnosis, Finding
@@ -233,9 +233,12 @@ def without_discrepancy(
 def chosen_and_reported(
     baseline: Baseline, progress: Progress, in_vain: bool, provisional: Told | None = None
 ) -> Diagnosis:
-    """Return a diagnosis by likelihood if a model reaches the noise, else by evidence."""
+    """Return a diagnosis by likelihood if a model reaches the noise or explains almost all, else by evidence.
+
+    A hull law that explains almost all, but does not reach the noise, is judged by evidence, too.
+    """
     search, outcome = selected(baseline, progress, in_vain, provisional)
-    if search.wrong(outcome):
+    if search.wrong(outcome) or led_by_hull_law(search.baseline, outcome):
         return reported(ByEvidence(search.baseline, outcome), part(progress, 0.4, 1.0))
     return reported(ByLikelihood(search, outcome), progress)
 

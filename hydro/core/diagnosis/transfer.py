@@ -28,6 +28,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import folds, left_out_costs
+from hydro.core.diagnosis.hull_laws import DRAG, has_drag, is_hull_law
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model, stepped
 from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.settings import (
@@ -45,8 +46,8 @@ from hydro.core.diagnosis.settings import (
     VISIBLE,
 )
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import wholly_known, with_role
-from hydro.core.effects.record import Role, Table
+from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.record import Table
 from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.evaluation.velocity_errors import Squares, squares_ahead
 from hydro.core.identification.levenberg_marquardt import Prior
@@ -60,11 +61,6 @@ from hydro.core.recording.shots import Shots
 from hydro.core.residual.allowance import Held
 from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
-
-DRAG = frozenset(with_role(Role.DRAG))
-"""Effects that are drag which grows faster than speed."""
-HULLS = ("inertia", "damping", "hull", "memory")
-"""Families of effects that are hull laws."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +118,7 @@ class Rival:
     @property
     def of_hull(self) -> bool:
         """Whether the effect is a law of the hull's forces."""
-        return CATALOGUE[self.effect].family in HULLS
+        return is_hull_law(self.effect)
 
     @property
     def beyond(self) -> float:
@@ -244,11 +240,6 @@ def survey(baseline: Baseline, progress: Progress, near: Mapping[str, Table]) ->
     rivals = [rival for rival in fits if rival is not None]
     found = ranked([weighed(one) for one in rivals]) if has_drag(file) else ranked(rivals, DRAG)
     return Survey(refitted, found, by_evidence=False, leading=found)
-
-
-def has_drag(file: Vehicle) -> bool:
-    """Return whether a file has drag that grows faster than speed."""
-    return any(file.effects(name) for name in DRAG)
 
 
 def weighed(rival: Rival) -> Rival:
