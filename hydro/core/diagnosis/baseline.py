@@ -238,17 +238,14 @@ class Outcome(Grown):
     Attributes:
         last: Screening of the last round, in which no effect joined.
         without: Model without each effect found, with all others refitted, by effect.
-        fit: Values and standard errors of all effects, fitted together; None before that fit, or without
-            effects.
-        beside_hull: Values of the effects found with the hull force free, see `diagnosis.beside_hull`; None
-            where a model may be right.
+        fit: Values and standard errors of all effects, fitted together, above RIGHT with the hull force free
+            (`diagnosis.beside_hull`); None before that fit, or without effects.
         warnings: Problems of the search, one sentence each.
     """
 
     last: Screening
     without: Mapping[str, Model] = field(default_factory=dict)
     fit: Fit | None = None
-    beside_hull: Fit | None = None
     warnings: tuple[str, ...] = ()
 
 

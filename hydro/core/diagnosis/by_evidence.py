@@ -15,7 +15,7 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.beside_hull import refined
+from hydro.core.diagnosis.beside_hull import is_present, refined
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence, explained_share
 from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed, with_implausible
 from hydro.core.diagnosis.findings import (
@@ -30,6 +30,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding, unstated
 from hydro.core.diagnosis.settings import (
+    ALMOST_ALL,
     CLOSEST,
     CONTENDERS,
     DOUBTFUL,
@@ -41,7 +42,6 @@ from hydro.core.diagnosis.settings import (
     QUICK_STEPS,
     SHOTS,
     SIMILAR,
-    SMALL_STEP,
     SURE,
 )
 from hydro.core.diagnosis.transfer import (
@@ -127,7 +127,8 @@ class ByEvidence:
         baseline = self.baseline
         last = replace(self.outcome, model=named.model, found=(), fit=named.fit)
         found = [*named.sensor_errors, *contradicted(baseline, self.outcome), *named.findings]
-        stated = any(one.verdict in STATED for one in found)
+        explains = any(one.share >= ALMOST_ALL for one in named.findings)
+        stated = explains or any(one.verdict in STATED for one in found)
         found += unexplained(baseline, last, stated=stated)
         if baseline.warnings and found:
             words = "; ".join(baseline.warnings)
@@ -201,7 +202,7 @@ def by_transfer(baseline: Baseline, progress: Progress, near: Mapping[str, Table
         except Diverges:
             continue
         fit = model.estimated() if rival.allowed is None else rival.estimated()
-        if not _is_present(fit, rival.effect):
+        if not is_present(fit, rival.effect):
             continue
         fit = with_response_error(fit, baseline.vehicle)
         model, without = _in_noise(model, fine), _in_noise(without, fine)
@@ -280,16 +281,6 @@ def leading(surveyed: Survey, scored: Survey, baseline: Baseline) -> Survey:
         return replace(surveyed, leading=tuple(may))
     names = {one.effect for one in may}
     return replace(scored, leading=tuple(one for one in scored.rivals if one.effect in names))
-
-
-def _is_present(fit: Fit, effect: str) -> bool:
-    """Return whether any fitted value of an effect exceeds SMALL_STEP in its natural scale.
-
-    An effect may vanish where its values must be physically possible.
-    """
-    own = fit.free.places(effect)
-    sizes = np.abs(fit.values[own]) / fit.free.scales[own]
-    return bool((sizes > SMALL_STEP).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:
@@ -375,7 +366,7 @@ def _nearly_as_good(
     by = "with any hull force allowed" if surveyed.by_evidence else "on held-out data"
     for one in near:
         fit = one.estimated()
-        if not _is_present(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
+        if not is_present(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         fit = with_response_error(fit, baseline.vehicle)
         adding = advice.adding(one.effect, fit.table(one.effect)[0], baseline.log.record.dt)

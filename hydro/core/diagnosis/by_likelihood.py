@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
-from hydro.core.diagnosis.beside_hull import beside_hull
+from hydro.core.diagnosis.beside_hull import beside_hull, limited_for_hull
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
@@ -34,7 +34,6 @@ from hydro.core.diagnosis.doubts import (
     with_implausible,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
-from hydro.core.diagnosis.hull_laws import has_drag, is_hull_law
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
@@ -47,10 +46,10 @@ from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
 from hydro.core.experiment.manoeuvres import best
-from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import ABSURD, change_of, greatest_change, in_file, shrunk_to_prior
-from hydro.core.prediction.normal_equations import block_length, covariance
+from hydro.core.prediction.normal_equations import block_length
 from hydro.core.progress import Progress, part
 from hydro.core.sea.sea_state import SeaState
 from hydro.core.vehicle.description import Vehicle
@@ -64,7 +63,7 @@ class ByLikelihood:
 
     Attributes:
         search: Search, with its baseline.
-        outcome: Outcome of the search.
+        outcome: Outcome of the search, with its effects reconsidered (`Search.settle`).
     """
 
     search: Search
@@ -76,10 +75,9 @@ class ByLikelihood:
         return self.search.baseline.log
 
     def select(self, progress: Progress) -> Outcome:
-        """Return the outcome with the effects found reconsidered, and fitted together to convergence."""
-        settled = self.search.settle(self.outcome, part(progress, 0.45, 0.8))
+        """Return the outcome with the effects found fitted together to convergence."""
         progress("joint fit", 0.8)
-        return refine(self.search.baseline, settled)
+        return refine(self.search.baseline, self.outcome)
 
     def findings(self, outcome: Outcome) -> list[Finding]:
         """Return all findings in their order, with warnings about values that physics excludes."""
@@ -192,8 +190,7 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     """Return an outcome with everything found and the existing effects fitted together.
 
     Values are shrunk to those of the file.  If the joint fit diverges, values stay and a warning is added.
-    Where no model reaches the noise, the values of the effects found are also fitted with the hull force
-    free.
+    Above RIGHT times the noise, values are then fitted with the hull force free.
     """
     model, warnings = outcome.model, baseline.warnings
     try:
@@ -201,8 +198,8 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
     model, fit = settled(model, baseline.vehicle)
-    beside = beside_hull(baseline, model, outcome.effects)
-    return replace(outcome, model=model, fit=fit, beside_hull=beside, warnings=warnings)
+    fit = beside_hull(baseline, model, outcome.effects) or fit
+    return replace(outcome, model=model, fit=fit, warnings=warnings)
 
 
 def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
@@ -259,16 +256,6 @@ def may_be_right(outcome: Outcome) -> bool:
     return bool(left <= 1.0 + FURTHER or (left <= RIGHT and not outcome.last.significant))
 
 
-def led_by_hull_law(baseline: Baseline, outcome: Outcome) -> bool:
-    """Return whether no model reaches the noise, and the first effect that joined is a hull law.
-
-    It may only absorb the hull's error then, and evidence with the hull force free decides.  Without drag in
-    the file, the hull force would take over the drag.
-    """
-    led = bool(outcome.found) and is_hull_law(outcome.found[0].effect)
-    return led and outcome.model.normal.chi2 > RIGHT and has_drag(baseline.vehicle)
-
-
 def excess_share(baseline: Baseline, model: Model) -> float:
     """Return the share, 0 or more, of the baseline fit's error beyond the noise that a model leaves.
 
@@ -286,7 +273,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     pieces = block_length(model.normal.score)
     share = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
     tied = selection_frequency(found.rivals, effect)
-    fit = outcome.beside_hull or _joint(outcome)
+    fit = _joint(outcome)
     parameters, errors = fit.table(effect)
     several, known = len(tied) > 1, bool(baseline.vehicle.effects(effect))
     if several:
@@ -308,11 +295,22 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         (parameters, errors),
         share,
         members=tuple(tied),
-        confidence=limited_confidence(sure, fit.vehicle, effect, errors),
+        confidence=_limited(sure, effect, baseline, outcome),
         p_value=found.p_value,
         advice=words,
         support=tied[effect],
     )
+
+
+def _limited(confidence: float, effect: str, baseline: Baseline, outcome: Outcome) -> float:
+    """Return the confidence in a name, lowered for implausible values and for an unknown hull force.
+
+    Standard errors excuse implausible values only where the model fits.
+    """
+    fit, model = _joint(outcome), outcome.model
+    errors = fit.table(effect)[1] if model.normal.chi2 <= RIGHT else None
+    sure = limited_confidence(confidence, fit.vehicle, effect, errors)
+    return limited_for_hull(sure, effect, baseline, fit, model)
 
 
 def _joint(outcome: Outcome) -> Fit:
@@ -351,22 +349,24 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     much = MATERIAL * model.normal.cost
     if not outcome.found and np.isfinite(baseline.given.excess):
         much = min(much, max(MATERIAL * baseline.given.excess, VISIBLE * model.normal.residuals))
-    spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
+    fit, scales = outcome.fit, model.unknown.scales
     matrix = model.normal.matrix.sum(axis=0)
     blocks = len(model.normal.gram) // block_length(model.normal.score)
     for name in filter(baseline.vehicle.effects, baseline.effects):
+        assert fit is not None
         entries = model.unknown.places(name)
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
-        change = (model.values[entries] - before) / model.unknown.scales[entries]
+        change = (fit.values[entries] - before) / scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
-        farthest = change_of(name, baseline.vehicle, model.unknown, model.values)
+        farthest = change_of(name, baseline.vehicle, model.unknown, fit.values)
         absurd = farthest.deviations > ABSURD
         if cost < much and not absurd:
             continue
-        wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
+        spread = (fit.covariance / np.outer(scales, scales))[np.ix_(entries, entries)]
+        wald = float(change @ np.linalg.solve(spread, change)) / len(entries)
         p = float(scipy.special.fdtrc(len(entries), max(blocks - len(entries), 1), wald))
         if p <= ALPHA or absurd:
-            values, errors = _joint(outcome).table(name)
+            values, errors = fit.table(name)
             frequency = change_frequency(model.normal, entries, change)
             sure = by_likelihood_confidence(frequency, may_be_right(outcome))
             there = baseline.given.excess
@@ -376,7 +376,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 name,
                 (values, errors),
                 share,
-                confidence=limited_confidence(sure, _joint(outcome).vehicle, name, errors),
+                confidence=_limited(sure, name, baseline, outcome),
                 p_value=p,
                 advice=advice.retuning(name, farthest),
             )

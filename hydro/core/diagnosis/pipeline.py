@@ -20,9 +20,10 @@ import polars as pl
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, stable_shots, stable_start
+from hydro.core.diagnosis.beside_hull import hull_laws_alone
 from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
-from hydro.core.diagnosis.by_likelihood import ByLikelihood, led_by_hull_law, selected, wave_finding
+from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
 from hydro.core.diagnosis.completing import completed
 from hydro.core.diagnosis.doubts import doubted_gain
 from hydro.core.diagnosis.findings import Diagnosis, Finding
@@ -235,10 +236,13 @@ def chosen_and_reported(
 ) -> Diagnosis:
     """Return a diagnosis by likelihood if a model reaches the noise or explains almost all, else by evidence.
 
-    A hull law that explains almost all, but does not reach the noise, is judged by evidence, too.
+    Hull laws alone that explain almost all, but do not reach the noise, are judged by evidence, too.
     """
     search, outcome = selected(baseline, progress, in_vain, provisional)
-    if search.wrong(outcome) or led_by_hull_law(search.baseline, outcome):
+    wrong = search.wrong(outcome)
+    if not wrong:
+        outcome = search.settle(outcome, part(progress, 0.45, 0.8))
+    if wrong or hull_laws_alone(search.baseline, outcome):
         return reported(ByEvidence(search.baseline, outcome), part(progress, 0.4, 1.0))
     return reported(ByLikelihood(search, outcome), progress)
 

@@ -46,7 +46,7 @@ def unexplained(baseline: Baseline, outcome: Outcome, *, stated: bool = False) -
     tests show, because noise does not cause it.  If no effect was found either, the verdict is
     `far_from_noise`.
 
-    `stated` says whether an effect is confirmed that no search found, as by transfer.
+    `stated` says whether an effect that no search found is confirmed, or explains almost all, as by transfer.
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
