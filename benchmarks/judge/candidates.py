@@ -5,7 +5,7 @@ numbers that such a decision uses, so that it can be repeated with other setting
 
 | column | meaning |
 |---|---|
-| `engine` | `likelihood` if a model reaches the noise, `change` with an earlier recording, else `transfer` |
+| `engine` | regime: `likelihood`, `change` with an earlier recording, or `transfer` (`by_evidence`) |
 | `step` | number of the step, from 0 |
 | `effect` | name; empty for the model without any candidate |
 | `chosen` | whether the diagnosis took the effect |

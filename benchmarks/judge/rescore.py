@@ -2,7 +2,8 @@
 
 The decision functions are those of the diagnosis itself (`core.diagnosis`), called on kept candidates.
 Some decisions cannot be repeated: steps after one that would now take another candidate, effects that were
-never fitted, and comparisons by longer predictions (`diagnosis.held_out`).  Those are left out.
+never fitted, comparisons by longer predictions (`diagnosis.held_out`), and the choice of the regime.  Those
+are left out.
 """
 
 from __future__ import annotations

@@ -239,7 +239,7 @@ class Outcome(Grown):
         last: Screening of the last round, in which no effect joined.
         without: Model without each effect found, with all others refitted, by effect.
         fit: Values and standard errors of all effects, fitted together, above RIGHT with the hull force free
-            (`diagnosis.beside_hull`); None before that fit, or without effects.
+            (`diagnosis.free_hull_force`); None before that fit, or without effects.
         warnings: Problems of the search, one sentence each.
     """
 

@@ -15,7 +15,6 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.beside_hull import is_present, refined
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence, explained_share
 from hydro.core.diagnosis.doubts import limited_confidence, unconfirmed, with_implausible
 from hydro.core.diagnosis.findings import (
@@ -24,6 +23,7 @@ from hydro.core.diagnosis.findings import (
     Finding,
     extended,
 )
+from hydro.core.diagnosis.free_hull_force import is_present, refined
 from hydro.core.diagnosis.held_out import HeldOut
 from hydro.core.diagnosis.hull_laws import has_drag
 from hydro.core.diagnosis.log_faults import Preprocessed

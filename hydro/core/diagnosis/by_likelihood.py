@@ -1,4 +1,4 @@
-"""Findings where a model reaches the noise: effects are selected by penalised likelihood.
+"""Findings where a model reaches the noise or explains almost all: effects are selected by likelihood.
 
 The file's existing effects are refitted first, so that a drag coefficient that is a quarter wrong is not
 mistaken for a missing effect.  Then `diagnosis.search` tests the whole catalogue against the residual.  Each
@@ -16,7 +16,6 @@ import numpy as np
 import scipy
 
 from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
-from hydro.core.diagnosis.beside_hull import beside_hull, limited_for_hull
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
@@ -34,6 +33,7 @@ from hydro.core.diagnosis.doubts import (
     with_implausible,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.free_hull_force import limited_for_hull, with_free_hull_force
 from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, continue_fit
@@ -59,7 +59,7 @@ DIVERGED_TOGETHER = "the final joint fit diverged: values are of the fit before 
 
 @dataclass(frozen=True)
 class ByLikelihood:
-    """Regime of a diagnosis where the best model reaches the noise (`diagnosis.pipeline`).
+    """Regime where the best model reaches the noise, or explains almost all (`diagnosis.pipeline`).
 
     Attributes:
         search: Search, with its baseline.
@@ -198,7 +198,7 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
     model, fit = settled(model, baseline.vehicle)
-    fit = beside_hull(baseline, model, outcome.effects) or fit
+    fit = with_free_hull_force(baseline, model, outcome.effects) or fit
     return replace(outcome, model=model, fit=fit, warnings=warnings)
 
 

@@ -3,7 +3,8 @@
 | doubt | where | effect |
 |---|---|---|
 | values that physics excludes | every regime | confidence at most DOUBTFUL; warning |
-| a hull law beside an unknown hull force | evidence | confidence at most DOUBTFUL |
+| a hull law beside an unknown hull force | evidence; likelihood, above RIGHT | at most DOUBTFUL |
+| absent with the hull force free | likelihood, above RIGHT | at most DOUBTFUL; see `free_hull_force` |
 | one session alone supports it | likelihood | warning |
 | formulas may absorb the hull's error | likelihood, above RIGHT | confidence times share over largest share |
 | as much error remains unexplained | likelihood | less confidence; warning |

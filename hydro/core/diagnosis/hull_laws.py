@@ -1,7 +1,7 @@
 """Effects that are laws of the hull's forces, such as drag, lift and added mass.
 
-No formula describes a hull exactly.  In one recording, a hull law may only describe the force that remains
-beside the file's drag.  So where no model reaches the noise, other rules apply to a hull law than to weight,
+No formula describes a hull exactly.  In one recording, a hull law may only describe the error of the
+file's drag.  So where no model reaches the noise, other rules apply to a hull law than to weight,
 thrust, current or a sensor.
 """
 

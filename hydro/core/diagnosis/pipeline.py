@@ -20,13 +20,13 @@ import polars as pl
 
 from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import Baseline, allowing_for_waves, refit, stable_shots, stable_start
-from hydro.core.diagnosis.beside_hull import hull_laws_alone
 from hydro.core.diagnosis.by_change import ByChange
 from hydro.core.diagnosis.by_evidence import ByEvidence
 from hydro.core.diagnosis.by_likelihood import ByLikelihood, selected, wave_finding
 from hydro.core.diagnosis.completing import completed
 from hydro.core.diagnosis.doubts import doubted_gain
 from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.free_hull_force import hull_laws_alone
 from hydro.core.diagnosis.held_out import predicted
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import unfitted

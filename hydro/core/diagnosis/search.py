@@ -88,7 +88,7 @@ class Search:
         baseline: Start of the search.
         from_file: Whether fits also start at the file's values, if their residual is far above the noise.
             Without the missing effect, refitted values can run away and no step leads back.  Such a search
-            continues if its first finding explains ALMOST_ALL, because no hull error is explained so well.
+            continues if its first finding explains ALMOST_ALL: only hull laws absorb so much error.
         made: Fits by their starting values.  Searches that share them repeat none, for example where the file
             has hardly any free effect.
         told: Called once with the best candidate after the first fits; None for a search that reports none.

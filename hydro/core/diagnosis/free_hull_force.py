@@ -1,4 +1,4 @@
-"""Effects beside a hull force of unknown form, where no model reaches the noise: names and values.
+"""Names and values where no model reaches the noise: the hull force is free.
 
 A fit of effects alone absorbs the hull's error, and its values are several standard errors from the truth.
 Here the hull force is integrated out (`residual.allowance`), and the values of the file's other effects have
@@ -35,7 +35,7 @@ LEAST_GAIN = MATERIAL * LEAST_EVIDENCE
 """Minimum gain of log evidence by one more step of a fit: a part of what gaps of the library give."""
 
 
-def beside_hull(baseline: Baseline, model: Model, effects: Sequence[str]) -> Fit | None:
+def with_free_hull_force(baseline: Baseline, model: Model, effects: Sequence[str]) -> Fit | None:
     """Return the values of a model with the hull force free, with the error of the response to forces.
 
     Args:

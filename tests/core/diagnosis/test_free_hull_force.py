@@ -13,8 +13,8 @@ from recordings import damped, moved, noisy
 
 from hydro.core.diagnosis import pipeline
 from hydro.core.diagnosis.baseline import Found, Outcome, refit, stable_shots
-from hydro.core.diagnosis.beside_hull import beside_hull, limited_for_hull
 from hydro.core.diagnosis.by_likelihood import refine
+from hydro.core.diagnosis.free_hull_force import limited_for_hull, with_free_hull_force
 from hydro.core.diagnosis.hull_laws import is_hull_law
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import fit_model
@@ -43,7 +43,7 @@ def recorded(*effects: dict[str, Any]) -> Any:
 def test_values_do_not_absorb_the_drag_that_the_file_lacks():
     baseline = recorded(WEAK)
     model = fit_model(FILE, [WEAK["name"]], baseline.problem, baseline.log.track, 12)
-    plain, free = model.estimated(), beside_hull(baseline, model, [WEAK["name"]])
+    plain, free = model.estimated(), with_free_hull_force(baseline, model, [WEAK["name"]])
     assert model.normal.chi2 > RIGHT
     assert abs(plain.values[0] - WEAK["a"]) > 2.0 * WITHIN * plain.standard_errors[0]
     assert free is not None
@@ -55,14 +55,14 @@ def test_values_of_a_model_that_may_be_right_are_those_of_the_fit():
     baseline = recorded()
     model = fit_model(FILE, [DRAG], baseline.problem, baseline.log.track, 12)
     assert model.normal.chi2 < RIGHT
-    assert beside_hull(baseline, model, [DRAG]) is None
+    assert with_free_hull_force(baseline, model, [DRAG]) is None
 
 
 def test_a_file_without_drag_keeps_the_fit():
     """The hull force would take over the drag."""
     wrong = cast(Any, SimpleNamespace(normal=SimpleNamespace(chi2=100.0)))
     bare = cast(Any, SimpleNamespace(vehicle=msgspec.structs.replace(FILE, effect=())))
-    assert beside_hull(bare, wrong, [WEAK["name"]]) is None
+    assert with_free_hull_force(bare, wrong, [WEAK["name"]]) is None
 
 
 def outcome(chi2: float, *effects: str) -> Any:
@@ -113,7 +113,7 @@ def test_a_search_is_reconsidered_before_its_regime_is_chosen(monkeypatch):
         (1.1, "cross_axis_drag", 50.0, False),
     ],
 )
-def test_confidence_beside_an_unknown_hull_force(chi2, effect, value, limited):
+def test_confidence_with_an_unknown_hull_force(chi2, effect, value, limited):
     """A hull law may describe that force, and an effect that it takes over is not present."""
     unknown = free(FILE, [effect])
     fit = cast(Any, SimpleNamespace(free=unknown, values=np.full(len(unknown.entries), value)))
@@ -127,10 +127,10 @@ def test_waves_and_predictions_that_diverge_leave_the_fit(monkeypatch):
     wave = baseline.problem.shots
     swell = np.zeros((len(wave.starts), wave.length - wave.lead, 12, 2))
     moving = replace(baseline, problem=OutputError(replace(wave, swell=swell)))
-    assert beside_hull(moving, model, [WEAK["name"]]) is None
+    assert with_free_hull_force(moving, model, [WEAK["name"]]) is None
     lost = SimpleNamespace(weight=np.repeat([1.0, 0.0], 10))
     monkeypatch.setattr(Allowance, "of", lambda *_: lost)
-    assert beside_hull(baseline, model, [WEAK["name"]]) is None
+    assert with_free_hull_force(baseline, model, [WEAK["name"]]) is None
 
 
 def test_values_in_the_answer_are_those_of_the_fitted_vehicle():
@@ -139,7 +139,7 @@ def test_values_in_the_answer_are_those_of_the_fitted_vehicle():
     model = fit_model(FILE, [WEAK["name"]], baseline.problem, baseline.log.track, 12)
     found = Found(WEAK["name"], 0.0, {WEAK["name"]: model})
     fitted = refine(baseline, Outcome(model, (found,), cast(Any, None)))
-    free_fit = beside_hull(baseline, fitted.model, [WEAK["name"]])
+    free_fit = with_free_hull_force(baseline, fitted.model, [WEAK["name"]])
     assert fitted.fit is not None
     assert free_fit is not None
     np.testing.assert_allclose(fitted.fit.values, free_fit.values)
@@ -156,7 +156,7 @@ def test_standard_errors_include_the_error_of_the_response():
     """Inertia in the file gives the force from the motion, so a tenth of the change is uncertain."""
     baseline = recorded(WEAK)
     model = fit_model(FILE, [WEAK["name"]], baseline.problem, baseline.log.track, 12)
-    free = beside_hull(baseline, model, [WEAK["name"]])
+    free = with_free_hull_force(baseline, model, [WEAK["name"]])
     assert free is not None
     assert free.standard_errors[0] >= 0.1 * abs(free.values[0])
     assert np.isfinite(free.standard_errors).all()
