@@ -159,9 +159,10 @@ def diagnose(
     allowed for. Drag, lift and added mass then remain unconfirmed.
 
     With --before a hull-force model is fitted to the recording before the change, and held fixed. Ten minutes
-    with motion on all axes give a better model than two. The file's effects keep their values, and a change
-    of one is a finding. A change is confirmed if it removes 10 % or more of the error on data that it was not
-    fitted to. Command columns that were exchanged or reversed since are the first finding.
+    with motion on all axes give a better model than two. Of more than an hour, sessions that are spread
+    evenly over it are used. The file's effects keep their values, and a change of one is a finding. A change
+    is confirmed if it removes 10 % or more of the error on data that it was not fitted to. Command columns
+    that were exchanged or reversed since are the first finding.
 
     With --model a network of hydro train replaces the hull-force model. Train it on labels of the unchanged
     vehicle that were made with this vehicle file. Its error is measured on the recording of --before, which
