@@ -25,7 +25,6 @@ from hydro.core.diagnosis.findings import (
 )
 from hydro.core.diagnosis.free_hull_force import is_present, refined
 from hydro.core.diagnosis.held_out import HeldOut
-from hydro.core.diagnosis.hull_laws import has_drag
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, unfitted
 from hydro.core.diagnosis.sensor_errors import sensor_finding, unstated
@@ -56,6 +55,7 @@ from hydro.core.diagnosis.transfer import (
 )
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
+from hydro.core.effects.hull_laws import has_drag
 from hydro.core.effects.record import Table
 from hydro.core.experiment import advice
 from hydro.core.identification.levenberg_marquardt import ITERATIONS

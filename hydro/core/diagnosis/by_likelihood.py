@@ -9,8 +9,9 @@ show, and error that no effect explains.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -295,21 +296,23 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         (parameters, errors),
         share,
         members=tuple(tied),
-        confidence=_limited(sure, effect, baseline, outcome),
+        confidence=_limited(sure, effect, errors, baseline, outcome),
         p_value=found.p_value,
         advice=words,
         support=tied[effect],
     )
 
 
-def _limited(confidence: float, effect: str, baseline: Baseline, outcome: Outcome) -> float:
+def _limited(
+    confidence: float, effect: str, errors: Mapping[str, Any], baseline: Baseline, outcome: Outcome
+) -> float:
     """Return the confidence in a name, lowered for implausible values and for an unknown hull force.
 
-    Standard errors excuse implausible values only where the model fits.
+    The standard errors excuse implausible values only where the model fits.
     """
     fit, model = _joint(outcome), outcome.model
-    errors = fit.table(effect)[1] if model.normal.chi2 <= RIGHT else None
-    sure = limited_confidence(confidence, fit.vehicle, effect, errors)
+    excused = errors if model.normal.chi2 <= RIGHT else None
+    sure = limited_confidence(confidence, fit.vehicle, effect, excused)
     return limited_for_hull(sure, effect, baseline, fit, model)
 
 
@@ -349,12 +352,10 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     much = MATERIAL * model.normal.cost
     if not outcome.found and np.isfinite(baseline.given.excess):
         much = min(much, max(MATERIAL * baseline.given.excess, VISIBLE * model.normal.residuals))
-    fit, scales = outcome.fit, model.unknown.scales
-    matrix = model.normal.matrix.sum(axis=0)
+    matrix, scales = model.normal.matrix.sum(axis=0), model.unknown.scales
     blocks = len(model.normal.gram) // block_length(model.normal.score)
     for name in filter(baseline.vehicle.effects, baseline.effects):
-        assert fit is not None
-        entries = model.unknown.places(name)
+        fit, entries = _joint(outcome), model.unknown.places(name)
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
         change = (fit.values[entries] - before) / scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
@@ -376,7 +377,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 name,
                 (values, errors),
                 share,
-                confidence=_limited(sure, name, baseline, outcome),
+                confidence=_limited(sure, name, errors, baseline, outcome),
                 p_value=p,
                 advice=advice.retuning(name, farthest),
             )

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.hull_laws import has_drag, is_hull_law
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.settings import (
     ALMOST_ALL,
@@ -26,6 +25,7 @@ from hydro.core.diagnosis.settings import (
     SMALL_STEP,
 )
 from hydro.core.diagnosis.transfer import Known, resolved
+from hydro.core.effects.hull_laws import has_drag, is_hull_law
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.outcome import Fit, with_response_error
 from hydro.core.prediction.parameters import Free

@@ -52,7 +52,8 @@ CHECKED = 0.85
 in three measured runs."""
 LONGEST_EARLIER = 3 * MOST_SHOTS * SHOT_SECONDS
 """Maximum length of an earlier recording that is used [s], an hour: the hull force is learnt from MOST_SHOTS
-shots, a third of it.  Of 4.8 hours of Stonefish, one gives the same names, in three quarters of the time."""
+shots, a third of it.  Of 4.8 hours of Stonefish, one gives the same first names in three quarters of the
+time."""
 Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
 """Function that extends the diagnosis of a vehicle and a recording beyond the catalogue."""
 Selection = TypeVar("Selection")
@@ -248,11 +249,11 @@ def chosen_and_reported(
     Hull laws alone that explain almost all, but do not reach the noise, are judged by evidence, too.
     """
     search, outcome = selected(baseline, progress, in_vain, provisional)
-    wrong = search.wrong(outcome)
-    if not wrong:
-        outcome = search.settle(outcome, part(progress, 0.45, 0.8))
-    if wrong or hull_laws_alone(search.baseline, outcome):
+    if search.wrong(outcome):
         return reported(ByEvidence(search.baseline, outcome), part(progress, 0.4, 1.0))
+    outcome = search.settle(outcome, part(progress, 0.45, 0.8))
+    if hull_laws_alone(search.baseline, outcome):
+        return reported(ByEvidence(search.baseline, outcome), part(progress, 0.8, 1.0))
     return reported(ByLikelihood(search, outcome), progress)
 
 

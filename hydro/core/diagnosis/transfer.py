@@ -28,7 +28,6 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import folds, left_out_costs
-from hydro.core.diagnosis.hull_laws import DRAG, has_drag, is_hull_law
 from hydro.core.diagnosis.model import Diverges, Model, begun, continue_fit, fit_model, stepped
 from hydro.core.diagnosis.search import most_gain
 from hydro.core.diagnosis.settings import (
@@ -47,6 +46,7 @@ from hydro.core.diagnosis.settings import (
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.hull_laws import DRAG, has_drag, is_hull_law
 from hydro.core.effects.record import Table
 from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.evaluation.velocity_errors import Squares, squares_ahead

@@ -20,6 +20,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.hull_laws import has_drag
 from hydro.core.effects.record import Role, Shapes
 from hydro.core.prediction.parameters import effect_table, free
 from hydro.core.vehicle.description import Vehicle
@@ -85,8 +86,7 @@ def replaces_drag(vehicle: Vehicle, name: str) -> bool:
         vehicle: The vehicle.
         name: Name of the effect in the catalogue.
     """
-    has_drag = any(Role.DRAG in CATALOGUE[str(table["name"])].roles for table in vehicle.effect)
-    return has_drag and Role.WHOLE_HULL in CATALOGUE[name].roles
+    return has_drag(vehicle) and Role.WHOLE_HULL in CATALOGUE[name].roles
 
 
 def is_curved(name: str) -> bool:

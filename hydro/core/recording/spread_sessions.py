@@ -25,10 +25,7 @@ def spread_sessions(frame: pl.DataFrame, seconds: float) -> pl.DataFrame:
     rows, most = listed["rows"].to_numpy(), int(seconds / listed["sample_time"][0])
     if rows.sum() <= most:
         return frame
-    places = np.zeros(1, int)
-    for count in range(len(rows), 0, -1):
-        places = ((np.arange(count) + 0.5) * len(rows) / count).astype(int)
-        if rows[places].sum() <= most:
-            break
+    spread = (((np.arange(n) + 0.5) * len(rows) / n).astype(int) for n in range(len(rows), 0, -1))
+    places = next((some for some in spread if rows[some].sum() <= most), np.array([len(rows) // 2]))
     chosen = listed["session"].gather(places)
     return frame.filter(pl.col("session").is_in(chosen.implode())).head(most)

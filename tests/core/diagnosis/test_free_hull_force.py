@@ -15,10 +15,10 @@ from hydro.core.diagnosis import pipeline
 from hydro.core.diagnosis.baseline import Found, Outcome, refit, stable_shots
 from hydro.core.diagnosis.by_likelihood import refine
 from hydro.core.diagnosis.free_hull_force import limited_for_hull, with_free_hull_force
-from hydro.core.diagnosis.hull_laws import is_hull_law
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import fit_model
 from hydro.core.diagnosis.settings import DOUBTFUL, RIGHT
+from hydro.core.effects.hull_laws import is_hull_law
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.residual.allowance import Allowance
@@ -102,6 +102,21 @@ def test_a_search_is_reconsidered_before_its_regime_is_chosen(monkeypatch):
     regime = cast(Any, pipeline.chosen_and_reported(baseline, lambda *_: None, in_vain=False))
     assert isinstance(regime, pipeline.ByEvidence)
     assert regime.outcome is left
+
+
+def test_progress_does_not_fall_where_evidence_follows_a_search(monkeypatch):
+    told = list[float]()
+
+    def settle(found, progress):
+        progress("without added_mass", 1.0)
+        return found
+
+    baseline = cast(Any, SimpleNamespace(vehicle=FILE, sure=lambda _: False))
+    search = SimpleNamespace(wrong=lambda _: False, baseline=baseline, settle=settle)
+    monkeypatch.setattr(pipeline, "selected", lambda *_: (search, outcome(10.0, "added_mass")))
+    monkeypatch.setattr(pipeline, "reported", lambda _, progress: progress("held-out data", 0.0))
+    pipeline.chosen_and_reported(baseline, lambda _, share: told.append(share), in_vain=False)
+    assert told == sorted(told)
 
 
 @pytest.mark.parametrize(

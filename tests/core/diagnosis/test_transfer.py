@@ -13,11 +13,11 @@ from recordings import damped, moved, noisy
 from scipy.spatial.transform import Rotation
 
 from hydro.core.diagnosis.baseline import Baseline
-from hydro.core.diagnosis.hull_laws import DRAG, has_drag
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.settings import LEAST_EVIDENCE, LEAST_INFORMATION
 from hydro.core.diagnosis.transfer import Rival, Survey, left_out, one_change, ranked, weighed
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.hull_laws import DRAG, has_drag
 from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.evaluation.velocity_errors import squares_ahead, squares_at_rest
 from hydro.core.identification.levenberg_marquardt import Prior
