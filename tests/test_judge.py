@@ -275,7 +275,8 @@ def test_a_delay_that_only_the_log_has_is_not_added_for_the_error_on_clean_data(
 
     late = Finding("missing", "sensor_delay", parameters={"d": 0.2}, confidence=1.0)
     load = Finding("missing", "payload", parameters={"w": 3.0}, confidence=1.0)
-    found = Diagnosis((late, load), vehicle, (9.0, 9.0, 1.0))
+    doubtful = Finding("retune", "tether", parameters={"k": 3.0}, confidence=0.5)
+    found = Diagnosis((late, load, doubtful), vehicle, (9.0, 9.0, 1.0))
     for of_log, after in (((), ["sensor_delay", "payload"]), (("sensor_delay",), ["payload"])):
         errors = rows._errors(Study(vehicle, None, ("payload",), errors=Effects(), of_log=of_log), found)
         assert errors["after"] == after

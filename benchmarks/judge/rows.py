@@ -188,7 +188,7 @@ def _errors(study: Study, found: Diagnosis) -> Row:
         return {}
     ahead, given = study.errors, study.given
     told = [one for one in found.findings if one.parameters and one.effect not in study.of_log]
-    stated = [one for one in told if one.verdict in ("missing", "retune")]
+    stated = [one for one in told if one.is_confirmed]
     first = next((one for one in told if one.verdict in WITH_VALUES), None)
     wanted = [(name, study.truth) for name in study.called]
     true = [

@@ -206,10 +206,9 @@ def by_transfer(baseline: Baseline, progress: Progress, near: Mapping[str, Table
             continue
         fit = with_response_error(fit, baseline.vehicle)
         model, without = _in_noise(model, fine), _in_noise(without, fine)
-        others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
+        others = surveyed.alternatives(rival, passed)
         finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
-        equals = [one for one in others if one in surveyed.leading]
-        rest = _nearly_as_good(rival, surveyed, equals, finding, baseline)
+        rest = _nearly_as_good(rival, surveyed, others, finding, baseline)
         named = Named((finding, *rest), model, fit, alone, surveyed.rivals)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
@@ -341,12 +340,12 @@ def _finding(
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
     of_hull = rival.of_hull and has_drag(without.vehicle)
-    if rival.own or of_hull or surveyed.rivals[0] is not rival:
+    if rival.own or of_hull or surveyed.leading[0] is not rival:
         sure = min(sure, DOUBTFUL)
     sure = limited_confidence(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY_EQUAL * surveyed.worth(rival), MATERIAL)
-    near = [one.effect for one in others if one in surveyed.leading and surveyed.worth(one) >= least]
+    near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _evidence_in_words(rival, model, near)
     return _named(rival, model, without, fit, words, sure)
 

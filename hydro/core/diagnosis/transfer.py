@@ -18,7 +18,7 @@ prior would have no weight against ten thousands of correlated residuals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import Any
@@ -146,6 +146,14 @@ class Survey:
     def worth(self, rival: Rival) -> float:
         """Return a rival's score, or with ranks by evidence its evidence as a share of the best one's."""
         return rival.evidence / self.leading[0].evidence if self.by_evidence else rival.score
+
+    def alternatives(self, rival: Rival, passed: Collection[str]) -> list[Rival]:
+        """Return the effects that may be named instead of one, without those that were passed over.
+
+        Effects outside `leading` predict longer stretches clearly worse, so that no confidence counts a lead
+        over them.
+        """
+        return [one for one in self.leading if one is not rival and one.effect not in passed]
 
 
 @dataclass(frozen=True)

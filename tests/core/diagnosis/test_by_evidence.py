@@ -34,8 +34,13 @@ def payload(x: float) -> dict[str, Any]:
     return {"w": 3.0, "x": x, "y": 0.1, "z": 0.0, "mass": 1.0}
 
 
-def named(effect: str, table: dict[str, Any], vehicle: Vehicle = FILE) -> Finding:
-    """Return what is said of an effect that removes nearly all of the error of left-out data."""
+def named(
+    effect: str, table: dict[str, Any], vehicle: Vehicle = FILE, better: str = "", *, excluded: bool = True
+) -> Finding:
+    """Return what is said of an effect that removes nearly all of the error of left-out data.
+
+    A `better` effect may be `excluded`, because it predicts longer stretches worse.
+    """
     fit = SimpleNamespace(
         vehicle=extended(vehicle, [{"name": effect, **table}]), table=lambda effect: (table, {})
     )
@@ -43,7 +48,8 @@ def named(effect: str, table: dict[str, Any], vehicle: Vehicle = FILE) -> Findin
     normal = SimpleNamespace(score=np.ones((20, 1)), chi2=50.0)
     model = SimpleNamespace(normal=normal, costs=np.ones(20), excesses=np.full(20, 9.0))
     lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0), vehicle=vehicle)
-    survey = Survey(cast(Any, None), (rival,), False, (rival,))
+    first = [Rival(better, False, cast(Any, None), 0.99, 0.99)] if better else []
+    survey = Survey(cast(Any, None), (*first, rival), False, (rival,) if excluded else (*first, rival))
     parts = cast(Any, (rival, survey, [], model, lesser, cast(Fit, fit), 0.02))
     return by_evidence._finding(*parts)
 
@@ -213,6 +219,16 @@ def test_only_effects_that_predict_longer_stretches_best_may_be_named(monkeypatc
 def test_nothing_is_named_that_does_not_lower_the_error_of_longer_predictions(monkeypatch):
     evidence, scores = {"thruster_gain": 16.0, "payload": 8.0}, {"thruster_gain": 0.12, "payload": 0.06}
     assert may_be_named(monkeypatch, evidence, scores, {"thruster_gain": 1.4, "payload": 0.99}) == ([], False)
+
+
+def test_confidence_counts_leads_over_effects_that_may_be_named_alone():
+    """Weaker thrust has far more evidence, but predicts longer stretches worse."""
+    gain, mass, memory = (Rival(name, False, cast(Any, None), 0.9, 0.9) for name in "gmf")
+    survey = Survey(cast(Any, None), (gain, mass, memory), by_evidence=True, leading=(mass, memory))
+    assert survey.alternatives(mass, ()) == [memory]
+    assert survey.alternatives(mass, ["f"]) == []
+    assert named("payload", payload(0.1), better="thruster_gain").confidence >= SURE
+    assert named("payload", payload(0.1), better="thruster_gain", excluded=False).confidence == DOUBTFUL
 
 
 def test_further_names_have_no_more_confidence_than_the_first(monkeypatch):
